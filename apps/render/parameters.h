@@ -1,0 +1,32 @@
+// Integrators' own parameters (`--set key=value`): one table that parsing, --list-parameters and statistics read.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+namespace nephroid {
+
+struct ParameterDescription {
+    std::string key;
+    std::string values;         ///< Allowed values, for people.
+    std::string default_value;
+    std::string meaning;        ///< What it does and what it trades.
+    std::vector<std::string> choices;  ///< All allowed values.
+};
+
+/// Key -> value, every key present.
+using Parameters = std::map<std::string, std::string>;
+
+/// Names of the integrators that exist, and those that are planned.
+bool is_integrator(const std::string& name);
+bool is_planned_integrator(const std::string& name);
+
+const std::vector<ParameterDescription>& parameters_of(const std::string& integrator);
+
+/// Defaults overridden by assignments "key=value". Throws Error(usage) for unknown keys and values.
+Parameters resolve_parameters(const std::string& integrator, const std::vector<std::string>& assignments);
+
+void print_parameters();
+
+}  // namespace nephroid

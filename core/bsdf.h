@@ -1,0 +1,161 @@
+// The one reflection model: glTF's metallic-roughness material.
+//
+//   f = metallic * F_metal S + (1 - metallic) * [ F_coat S + (1 - max F_coat) base / pi ]
+//   S = D G2 / (4 cos_o cos_i): GGX normal distribution with height-correlated Smith masking and shadowing
+//   F_metal = Schlick(base, 1), F_coat = Schlick(f0, f90), both of v.h, so f is reciprocal.
+//
+// The diffuse base receives what the coat does not reflect at v.h (glTF 2.0, Appendix B), which keeps the albedo
+// below one. Directions are local (z = shading normal) and point away from the surface; values include the cosine of
+// wi; densities are per solid angle. alpha = roughness^2; below `delta_alpha` S is a perfect mirror (delta) and only
+// the diffuse part is evaluated. Templates over F = float or FloatV.
+#pragma once
+
+#include "core/frame.h"
+#include "core/simd.h"
+#include "core/warp.h"
+
+namespace nephroid {
+
+inline constexpr float delta_alpha = 1e-4F;
+
+/// The material at one surface point, textures resolved.
+template <class F>
+struct BsdfParameters {
+    Triple<F> base;      ///< Albedo of the base, F0 of the metal; in [0, 1].
+    Triple<F> coat_f0;   ///< Reflectance of the dielectric coat at normal incidence.
+    F coat_f90;          ///< The same at grazing incidence.
+    F metallic;          ///< 0 .. 1.
+    F alpha;             ///< GGX width, 0 .. 1.
+};
+
+/// (1 - x)^5 of Schlick's approximation.
+template <class F>
+F schlick_weight(const F& cosine) {
+    const F m = maximum(F(1.0F) - cosine, F(0.0F));
+    const F m2 = m * m;
+    return m2 * m2 * m;
+}
+
+/// GGX density of normals, per solid angle, for a unit half vector. |n x h|^2 = h.x^2 + h.y^2 keeps the digits that
+/// (n.h)^2 (alpha^2 - 1) + 1 loses: at alpha 1e-4 in float the error is 1e-3 instead of everything.
+template <class F>
+F ggx_density(const Triple<F>& h, const F& alpha) {
+    const F a2 = alpha * alpha;
+    const F t = h.z * h.z * a2 + h.x * h.x + h.y * h.y;
+    return a2 * F(inv_pi) / (t * t);
+}
+
+/// sqrt(cos^2 + alpha^2 sin^2): the Smith term of one direction, cos * (1 + 2 Lambda).
+template <class F>
+F smith_term(const Triple<F>& w, const F& alpha) {
+    const F slope = alpha * alpha * (w.x * w.x + w.y * w.y);
+    return square_root(w.z * w.z + slope);
+}
+
+/// Share of Schlick's weight that the metal and the coat reflect together at v.h, and the weight of the base.
+template <class F>
+struct ReflectedShare {
+    Triple<F> specular;  ///< metallic * F_metal + (1 - metallic) * F_coat
+    F diffuse;           ///< (1 - metallic) * (1 - max F_coat)
+};
+template <class F>
+ReflectedShare<F> reflected_share(const BsdfParameters<F>& p, const F& cosine) {
+    const F weight = schlick_weight(cosine);
+    const Triple<F> coat{p.coat_f0.x + (p.coat_f90 - p.coat_f0.x) * weight,
+                         p.coat_f0.y + (p.coat_f90 - p.coat_f0.y) * weight,
+                         p.coat_f0.z + (p.coat_f90 - p.coat_f0.z) * weight};
+    const Triple<F> metal{p.base.x + (F(1.0F) - p.base.x) * weight, p.base.y + (F(1.0F) - p.base.y) * weight,
+                          p.base.z + (F(1.0F) - p.base.z) * weight};
+    const F dielectric = F(1.0F) - p.metallic;
+    return {metal * p.metallic + coat * dielectric, dielectric * (F(1.0F) - max_component(coat))};
+}
+
+/// Probability of sampling the specular part: its share of the energy at the view angle, kept away from 0 and 1
+/// where both parts exist.
+template <class F>
+F specular_probability(const BsdfParameters<F>& p, const F& cos_o) {
+    const ReflectedShare<F> share = reflected_share(p, cos_o);
+    const F specular = luminance(share.specular);
+    const F diffuse = share.diffuse * luminance(p.base);
+    const F total = specular + diffuse;
+    const F ratio = select(total > F(0.0F), specular / maximum(total, F(1e-30F)), F(0.0F));
+    const F bounded = minimum(maximum(ratio, F(0.05F)), F(0.95F));
+    return select(diffuse <= F(0.0F), F(1.0F), select(specular <= F(0.0F), F(0.0F), bounded));
+}
+
+template <class F>
+struct BsdfEvaluation {
+    Triple<F> value;  ///< f * cos_i, 1/sr.
+    F pdf;            ///< Of sample_bsdf for wi, per solid angle; without the delta part.
+};
+
+/// f * cos_i and the density; zero unless both directions are above the surface.
+template <class F>
+BsdfEvaluation<F> evaluate_bsdf(const BsdfParameters<F>& p, const Triple<F>& wo, const Triple<F>& wi) {
+    const auto above = (wo.z > F(0.0F)) && (wi.z > F(0.0F));
+    const Triple<F> h = normalized(wo + wi);
+    const F cos_h = dot(wo, h);
+    const F probability = specular_probability(p, wo.z);
+    const ReflectedShare<F> share = reflected_share(p, cos_h);
+
+    const F density = ggx_density(h, p.alpha);
+    const F term_o = smith_term(wo, p.alpha);
+    const F term_i = smith_term(wi, p.alpha);
+    // G2 / (4 cos_o cos_i) and G1 / (4 cos_o), written so that nothing is divided by a cosine.
+    const F visibility = F(0.5F) / (wi.z * term_o + wo.z * term_i);
+    const F visible_normal = F(0.5F) / (wo.z + term_o);
+
+    const auto glossy = above && (p.alpha >= F(delta_alpha));
+    const F lobe = select(glossy, density * visibility * wi.z, F(0.0F));
+    const F lobe_pdf = select(glossy, density * visible_normal, F(0.0F));
+    const F cosine_pdf = select(above, wi.z * F(inv_pi), F(0.0F));
+    const F zero(0.0F);
+    // Below the horizon h may be undefined (wi = -wo): the select drops what was computed from it.
+    return {select<F>(above, share.specular * lobe + p.base * (share.diffuse * cosine_pdf), {zero, zero, zero}),
+            probability * lobe_pdf + (F(1.0F) - probability) * cosine_pdf};
+}
+
+/// Visible normal of GGX (Heitz 2018) by reflecting off a spherical cap (Dupuy and Benyoub 2023). wo.z > 0.
+template <class F>
+Triple<F> sample_visible_normal(const Triple<F>& wo, const F& alpha, const F& u, const F& v) {
+    const Triple<F> stretched = normalized(Triple<F>{wo.x * alpha, wo.y * alpha, wo.z});
+    F sine, cosine;
+    sincos_turn(u, sine, cosine);
+    const F z = (F(1.0F) - v) * (F(1.0F) + stretched.z) - stretched.z;
+    const F radius = safe_sqrt(F(1.0F) - z * z);
+    const Triple<F> h{radius * cosine + stretched.x, radius * sine + stretched.y, z + stretched.z};
+    return normalized(Triple<F>{h.x * alpha, h.y * alpha, maximum(h.z, F(1e-20F))});
+}
+
+template <class F>
+struct BsdfSample {
+    Triple<F> wi;      ///< Local, unit.
+    Triple<F> weight;  ///< f * cos_i / pdf; zero: the sample failed (absorbed).
+    F pdf;             ///< Per solid angle; meaningless where delta.
+    MaskOf<F> delta;   ///< wi came from the mirror of alpha < delta_alpha: weight excludes every density.
+};
+
+/// Draws wi with density evaluate_bsdf(...).pdf, or the mirror direction. u_lobe picks the part, (u, v) the direction.
+template <class F>
+BsdfSample<F> sample_bsdf(const BsdfParameters<F>& p, const Triple<F>& wo, const F& u_lobe, const F& u, const F& v) {
+    const F probability = specular_probability(p, wo.z);
+    const auto specular = u_lobe < probability;
+    const auto delta = specular && (p.alpha < F(delta_alpha));
+
+    const Triple<F> h = sample_visible_normal(wo, maximum(p.alpha, F(delta_alpha)), u, v);
+    const F cos_h = dot(wo, h);
+    const Triple<F> glossy_wi = h * (F(2.0F) * cos_h) - wo;
+    const Triple<F> mirror_wi{-wo.x, -wo.y, wo.z};
+    const Triple<F> diffuse_wi = square_to_cosine_hemisphere(u, v);
+    const Triple<F> wi = select<F>(delta, mirror_wi, select<F>(specular, glossy_wi, diffuse_wi));
+
+    const BsdfEvaluation<F> evaluation = evaluate_bsdf(p, wo, wi);
+    const auto valid = (wo.z > F(0.0F)) && (wi.z > F(0.0F)) && (delta || (evaluation.pdf > F(0.0F)));
+    const F inverse_pdf = select(evaluation.pdf > F(0.0F), F(1.0F) / maximum(evaluation.pdf, F(1e-37F)), F(0.0F));
+    const Triple<F> mirror_weight = reflected_share(p, wo.z).specular * (F(1.0F) / maximum(probability, F(1e-6F)));
+    const Triple<F> weight = select<F>(delta, mirror_weight, evaluation.value * inverse_pdf);
+    const F zero(0.0F);
+    return {wi, select<F>(valid, weight, {zero, zero, zero}), evaluation.pdf, delta};
+}
+
+}  // namespace nephroid

@@ -1,0 +1,148 @@
+#include "core/film.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace nephroid {
+
+SampleBuffer::SampleBuffer()
+    : radiance{AlignedArray<float>(max_slots_per_block), AlignedArray<float>(max_slots_per_block),
+               AlignedArray<float>(max_slots_per_block)},
+      caustic{AlignedArray<float>(max_slots_per_block), AlignedArray<float>(max_slots_per_block),
+              AlignedArray<float>(max_slots_per_block)},
+      albedo{AlignedArray<float>(max_slots_per_block), AlignedArray<float>(max_slots_per_block),
+             AlignedArray<float>(max_slots_per_block)},
+      normal{AlignedArray<float>(max_slots_per_block), AlignedArray<float>(max_slots_per_block),
+             AlignedArray<float>(max_slots_per_block)},
+      depth(max_slots_per_block) {}
+
+SampleBlock make_tile_block(int tile_x, int tile_y, int image_width, int image_height) {
+    SampleBlock block;
+    block.tile_x = tile_x;
+    block.tile_y = tile_y;
+    for (int square = 0; square < 16; ++square) {
+        for (int i = 0; i < 16; ++i) {
+            const int x = (square % 4) * 4 + i % 4;
+            const int y = (square / 4) * 4 + i / 4;
+            if (tile_x + x >= image_width || tile_y + y >= image_height) continue;
+            block.pixel_x[block.pixel_count] = static_cast<uint8_t>(x);
+            block.pixel_y[block.pixel_count] = static_cast<uint8_t>(y);
+            ++block.pixel_count;
+        }
+    }
+    return block;
+}
+
+Film::Film(int image_width, int image_height, const PixelRegion& crop, const AovSelection& aovs, bool keep_squares)
+    : image_width_(image_width), image_height_(image_height), crop_(crop), aovs_(aovs) {
+    const size_t pixels = static_cast<size_t>(crop.width()) * static_cast<size_t>(crop.height());
+    counts_.resize(pixels);
+    nonfinite_.resize(pixels);
+    beauty_.resize(pixels * 3);
+    if (keep_squares || aovs.variance) squares_.resize(pixels * 3);
+    if (aovs.albedo) albedo_.resize(pixels * 3);
+    if (aovs.normal) normal_.resize(pixels * 3);
+    if (aovs.depth) depth_.resize(pixels);
+    if (aovs.caustic) caustic_.resize(pixels * 3);
+}
+
+namespace {
+
+void add_three(std::vector<double>& sums, size_t pixel, const AlignedArray<float> (&values)[3], size_t slot) {
+    if (sums.empty()) return;
+    for (size_t c = 0; c < 3; ++c) sums[pixel * 3 + c] += static_cast<double>(values[c][slot]);
+}
+
+}  // namespace
+
+void Film::add(const SampleBlock& block, uint32_t skip, uint32_t take, const SampleBuffer& buffer) {
+    for (uint32_t p = 0; p < block.pixel_count; ++p) {
+        const int x = block.tile_x + block.pixel_x[p];
+        const int y = block.tile_y + block.pixel_y[p];
+        if (x < crop_.x0 || x >= crop_.x1 || y < crop_.y0 || y >= crop_.y1) continue;
+        const size_t pixel = pixel_index(x, y);
+        counts_[pixel] += take;
+        for (uint32_t s = skip; s < skip + take; ++s) {
+            const size_t slot = size_t{s} * block.pixel_count + p;
+            const float sum = buffer.radiance[0][slot] + buffer.radiance[1][slot] + buffer.radiance[2][slot];
+            if (!std::isfinite(sum)) {
+                ++nonfinite_[pixel];
+                continue;
+            }
+            add_three(beauty_, pixel, buffer.radiance, slot);
+            for (size_t c = 0; c < 3 && !squares_.empty(); ++c) {
+                const auto value = static_cast<double>(buffer.radiance[c][slot]);
+                squares_[pixel * 3 + c] += value * value;
+            }
+            add_three(caustic_, pixel, buffer.caustic, slot);
+            add_three(albedo_, pixel, buffer.albedo, slot);
+            add_three(normal_, pixel, buffer.normal, slot);
+            if (!depth_.empty()) depth_[pixel] += static_cast<double>(buffer.depth[slot]);
+        }
+    }
+}
+
+std::vector<float> Film::mean(const std::vector<double>& sums, size_t channels) const {
+    std::vector<float> result(counts_.size() * channels);
+    for (size_t i = 0; i < result.size(); ++i) {
+        const uint32_t n = counts_[i / channels];
+        result[i] = n > 0 ? static_cast<float>(sums[i] / n) : 0.0F;
+    }
+    return result;
+}
+
+std::vector<float> Film::normal() const {
+    std::vector<float> result = mean(normal_, 3);
+    for (size_t i = 0; i + 2 < result.size(); i += 3) {
+        const float length = std::sqrt(result[i] * result[i] + result[i + 1] * result[i + 1] + result[i + 2] * result[i + 2]);
+        for (size_t c = 0; c < 3 && length > 0.0F; ++c) result[i + c] /= length;
+    }
+    return result;
+}
+
+std::vector<float> Film::variance() const {
+    std::vector<float> result(squares_.size());
+    for (size_t i = 0; i < result.size(); ++i) {
+        const double n = counts_[i / 3];
+        if (n < 2.0) continue;
+        const double average = beauty_[i] / n;
+        result[i] = static_cast<float>(std::max(squares_[i] / n - average * average, 0.0) / (n - 1.0));
+    }
+    return result;
+}
+
+std::vector<float> Film::spp() const {
+    return {counts_.begin(), counts_.end()};
+}
+
+double Film::relative_noise() const {
+    const std::vector<float> variances = variance();
+    const std::vector<float> means = beauty();
+    double variance_sum = 0.0;
+    double mean_sum = 0.0;
+    for (size_t i = 0; i < variances.size(); ++i) {
+        variance_sum += static_cast<double>(variances[i]);
+        mean_sum += static_cast<double>(means[i]);
+    }
+    const auto n = static_cast<double>(variances.size());
+    return mean_sum > 0.0 ? std::sqrt(variance_sum / n) / (mean_sum / n) : 0.0;
+}
+
+uint64_t Film::sample_count() const {
+    return std::accumulate(counts_.begin(), counts_.end(), uint64_t{0});
+}
+
+uint32_t Film::min_spp() const {
+    return counts_.empty() ? 0 : *std::min_element(counts_.begin(), counts_.end());
+}
+
+uint64_t Film::nonfinite_samples() const {
+    return std::accumulate(nonfinite_.begin(), nonfinite_.end(), uint64_t{0});
+}
+
+Film::State Film::state() {
+    return {{&beauty_, &squares_, &albedo_, &normal_, &depth_, &caustic_}, &counts_, &nonfinite_};
+}
+
+}  // namespace nephroid

@@ -1,0 +1,125 @@
+// Sums of samples per pixel, and the picture they give.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/aligned_array.h"
+#include "core/vec.h"
+
+namespace nephroid {
+
+/// Half-open pixel rectangle [x0, x1) x [y0, y1).
+struct PixelRegion {
+    int x0 = 0;
+    int y0 = 0;
+    int x1 = 0;
+    int y1 = 0;
+    int width() const { return x1 - x0; }
+    int height() const { return y1 - y0; }
+    bool operator==(const PixelRegion&) const = default;
+};
+
+/// Layers beside beauty that a render may produce.
+struct AovSelection {
+    bool albedo = false;
+    bool normal = false;
+    bool depth = false;
+    bool caustic = false;
+    bool variance = false;
+    bool spp = false;
+};
+
+/// Tiles are aligned to the whole image's pixel grid and always traced whole, whatever the crop: which rays share a
+/// packet, and so every last bit of a pixel, does not depend on the crop.
+inline constexpr int tile_size = 16;
+inline constexpr uint32_t max_samples_per_block = 4;
+inline constexpr size_t max_slots_per_block = size_t{tile_size} * tile_size * max_samples_per_block;
+
+/// What a block of samples returned: one slot per sample, in an order that the block defines.
+struct SampleBuffer {
+    SampleBuffer();
+    AlignedArray<float> radiance[3];
+    AlignedArray<float> caustic[3];  ///< Part of radiance that arrived as a caustic.
+    AlignedArray<float> albedo[3], normal[3], depth;  ///< Of the first hit; zero where nothing was hit.
+};
+
+/// Samples [first_sample, first_sample + sample_count) of every pixel of one tile. Slot s * pixel_count + p is sample
+/// first_sample + s of pixel p; 16 consecutive pixels form a 4 x 4 square, so packets of camera rays are coherent.
+struct SampleBlock {
+    int tile_x = 0;  ///< Pixel coordinates of the tile's corner.
+    int tile_y = 0;
+    uint32_t pixel_count = 0;  ///< Pixels of the tile inside the image.
+    uint8_t pixel_x[tile_size * tile_size];  ///< Offsets inside the tile.
+    uint8_t pixel_y[tile_size * tile_size];
+    uint32_t first_sample = 0;
+    uint32_t sample_count = 0;
+
+    size_t slot_count() const { return size_t{pixel_count} * sample_count; }
+};
+
+/// The pixels of a tile in the order that SampleBlock describes.
+SampleBlock make_tile_block(int tile_x, int tile_y, int image_width, int image_height);
+
+/// The fixed partition of sample indices into blocks: {0} {1} {2,3} {4..7} {8..11} ... Returns how many samples the
+/// block that starts at `first` has. Fixed, so that passes, resumption and deadlines never change a sample.
+inline uint32_t samples_in_block(uint32_t first) {
+    if (first < 2) return 1;
+    return first == 2 ? 2 : max_samples_per_block;
+}
+
+/// Accumulated image of the crop region. Sums are double: they must not lose samples after 1e7 of them.
+class Film {
+  public:
+    Film(int image_width, int image_height, const PixelRegion& crop, const AovSelection& aovs, bool keep_squares);
+
+    int image_width() const { return image_width_; }
+    int image_height() const { return image_height_; }
+    const PixelRegion& crop() const { return crop_; }
+    const AovSelection& aovs() const { return aovs_; }
+
+    /// Adds samples [skip, skip + take) of the block. Non-finite ones count as black and are counted. Different tiles may
+    /// be added concurrently.
+    void add(const SampleBlock& block, uint32_t skip, uint32_t take, const SampleBuffer& buffer);
+
+    /// Mean of a layer: interleaved, crop.width() * crop.height() * channels values.
+    std::vector<float> beauty() const { return mean(beauty_, 3); }
+    std::vector<float> albedo() const { return mean(albedo_, 3); }
+    std::vector<float> normal() const;
+    std::vector<float> depth() const { return mean(depth_, 1); }
+    std::vector<float> caustic() const { return mean(caustic_, 3); }
+    /// Estimated variance of the pixel's mean. Samples of a pixel are stratified, so it is an upper estimate.
+    std::vector<float> variance() const;
+    std::vector<float> spp() const;
+
+    /// Root of the mean variance of the pixels' means over the mean luminance: the noise that --noise limits.
+    double relative_noise() const;
+    uint64_t sample_count() const;
+    uint32_t min_spp() const;
+    uint64_t nonfinite_samples() const;
+
+    /// All accumulated state as named arrays, for checkpoints.
+    struct State {
+        std::vector<std::vector<double>*> sums;
+        std::vector<uint32_t>* counts;
+        std::vector<uint32_t>* nonfinite;
+    };
+    State state();
+
+  private:
+    std::vector<float> mean(const std::vector<double>& sums, size_t channels) const;
+    size_t pixel_index(int x, int y) const {
+        return static_cast<size_t>(y - crop_.y0) * static_cast<size_t>(crop_.width()) + static_cast<size_t>(x - crop_.x0);
+    }
+
+    int image_width_;
+    int image_height_;
+    PixelRegion crop_;
+    AovSelection aovs_;
+    std::vector<uint32_t> counts_;
+    std::vector<uint32_t> nonfinite_;
+    std::vector<double> beauty_, squares_, albedo_, normal_, depth_, caustic_;
+};
+
+}  // namespace nephroid

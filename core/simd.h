@@ -1,0 +1,138 @@
+// One formula for one float and for a vector of floats: kernels are templates over F = float or FloatV.
+//
+// FloatV is the widest native vector of the instruction set that the build targets (16 floats with AVX-512, 4 with
+// SSE2). The overloads below give float and FloatV the same vocabulary: select instead of if, any(), sqrt, ...
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <experimental/simd>
+
+#include "core/vec.h"
+
+namespace nephroid {
+
+namespace stdx = std::experimental;
+using FloatV = stdx::native_simd<float>;
+using UintV = stdx::rebind_simd_t<uint32_t, FloatV>;
+using IntV = stdx::rebind_simd_t<int32_t, FloatV>;
+inline constexpr size_t simd_width = FloatV::size();
+inline constexpr size_t simd_alignment = 64;
+
+/// Type of a comparison of two F.
+template <class F>
+using MaskOf = decltype(F() < F());
+
+inline float select(bool condition, float yes, float no) {
+    return condition ? yes : no;
+}
+inline FloatV select(const FloatV::mask_type& condition, FloatV yes, FloatV no) {
+    stdx::where(!condition, yes) = no;
+    return yes;
+}
+
+inline bool any_of(bool condition) {
+    return condition;
+}
+inline bool any_of(const FloatV::mask_type& condition) {
+    return stdx::any_of(condition);
+}
+
+inline float square_root(float x) {
+    return std::sqrt(x);
+}
+inline FloatV square_root(const FloatV& x) {
+    return stdx::sqrt(x);
+}
+
+template <class F>
+F minimum(const F& a, const F& b) {
+    return select(a < b, a, b);
+}
+template <class F>
+F maximum(const F& a, const F& b) {
+    return select(a > b, a, b);
+}
+template <class F>
+F absolute(const F& a) {
+    return select(a < F(0.0F), -a, a);
+}
+/// sqrt(max(x, 0)): for differences that rounding may push below zero.
+template <class F>
+F safe_sqrt(const F& x) {
+    return square_root(maximum(x, F(0.0F)));
+}
+/// Not infinite, not NaN.
+template <class F>
+MaskOf<F> is_finite(const F& x) {
+    return absolute(x) <= F(3.4028234e38F);
+}
+
+/// sin(2 pi u) and cos(2 pi u) for u in [0, 1], to 2e-7 absolute: minimax polynomials on a quarter turn, no table, no
+/// branch, so that it vectorises.
+template <class F>
+void sincos_turn(const F& u, F& sine, F& cosine) {
+    // Fold the turn: u = quarter / 4 + r with |r| <= 1/8, then rotate by quarter.
+    const F scaled = u * F(4.0F) + F(0.5F);
+    F quarter;
+    if constexpr (std::is_same_v<F, float>) {
+        quarter = std::floor(scaled);
+    } else {
+        quarter = stdx::floor(scaled);
+    }
+    const F x = (u * F(4.0F) - quarter) * F(1.57079632679F);
+    const F x2 = x * x;
+    const F s = x * (F(1.0F) + x2 * (F(-1.6666654611e-1F) + x2 * (F(8.3321608736e-3F) + x2 * F(-1.9515295891e-4F))));
+    const F c = F(1.0F) + x2 * (F(-0.5F) + x2 * (F(4.166664568298827e-2F) +
+                                                 x2 * (F(-1.388731625493765e-3F) + x2 * F(2.443315711809948e-5F))));
+    const auto swap = (quarter == F(1.0F)) || (quarter == F(3.0F));
+    const auto negative_sine = (quarter == F(2.0F)) || (quarter == F(3.0F));
+    const auto negative_cosine = (quarter == F(1.0F)) || (quarter == F(2.0F));
+    const F sine_magnitude = select(swap, c, s);
+    const F cosine_magnitude = select(swap, s, c);
+    sine = select(negative_sine, -sine_magnitude, sine_magnitude);
+    cosine = select(negative_cosine, -cosine_magnitude, cosine_magnitude);
+}
+
+/// Three F: a direction, or a colour, of one or of simd_width lanes.
+template <class F>
+struct Triple {
+    F x, y, z;
+
+    friend Triple operator+(const Triple& a, const Triple& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+    friend Triple operator-(const Triple& a, const Triple& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+    friend Triple operator*(const Triple& a, const Triple& b) { return {a.x * b.x, a.y * b.y, a.z * b.z}; }
+    friend Triple operator*(const Triple& a, const F& s) { return {a.x * s, a.y * s, a.z * s}; }
+    friend Triple operator-(const Triple& a) { return {-a.x, -a.y, -a.z}; }
+};
+
+inline Triple<float> to_triple(const Vec3& v) {
+    return {v.x, v.y, v.z};
+}
+inline Vec3 to_vec3(const Triple<float>& v) {
+    return {v.x, v.y, v.z};
+}
+
+template <class F>
+F dot(const Triple<F>& a, const Triple<F>& b) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+template <class F>
+Triple<F> normalized(const Triple<F>& v) {
+    return v * (F(1.0F) / square_root(dot(v, v)));
+}
+template <class F>
+F max_component(const Triple<F>& v) {
+    return maximum(v.x, maximum(v.y, v.z));
+}
+template <class F>
+F luminance(const Triple<F>& c) {
+    return F(0.2126F) * c.x + F(0.7152F) * c.y + F(0.0722F) * c.z;
+}
+template <class F>
+Triple<F> select(const MaskOf<F>& condition, const Triple<F>& yes, const Triple<F>& no) {
+    return {select(condition, yes.x, no.x), select(condition, yes.y, no.y), select(condition, yes.z, no.z)};
+}
+
+}  // namespace nephroid

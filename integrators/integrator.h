@@ -1,0 +1,49 @@
+// What an integrator gets, and what it must do. Time, passes, seeds, checkpoints and statistics belong to the driver.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "accel/accelerator.h"
+#include "accel/surface.h"
+#include "core/camera.h"
+#include "core/film.h"
+#include "core/light_set.h"
+#include "core/sampler.h"
+#include "core/scene.h"
+
+namespace nephroid {
+
+/// The scene, ready to be traced, and the settings that every integrator shares. Immutable while rendering.
+struct RenderContext {
+    const Scene& scene;
+    const Accelerator& accelerator;
+    const Surfaces& surfaces;
+    const LightSet& lights;
+    CameraRays camera_rays;
+    uint32_t max_depth = 12;  ///< Most surface scatterings on a path.
+    uint32_t seed = 0;
+    SamplerKind sampler = SamplerKind::sobol;
+    AovSelection aovs;
+};
+
+/// One thread's state of an integrator: scratch memory and counters. Never shared between threads.
+class IntegratorWorker {
+  public:
+    virtual ~IntegratorWorker() = default;
+    /// Estimates every sample of the block. A sample's value depends on its pixel, index and seed alone.
+    virtual void render(const SampleBlock& block, SampleBuffer& samples) = 0;
+    /// Rays traced so far.
+    virtual uint64_t rays() const = 0;
+};
+
+class Integrator {
+  public:
+    virtual ~Integrator() = default;
+    virtual std::string name() const = 0;
+    virtual std::unique_ptr<IntegratorWorker> make_worker() const = 0;
+};
+
+}  // namespace nephroid

@@ -1,0 +1,26 @@
+// Unidirectional path tracing with next event estimation.
+//
+// Use it for everything lit by large lights; caustics under small lights converge slowly (that is what `guided` is
+// for), and a caustic of a point light in a perfect mirror is not found at all.
+//
+// Each vertex: one light sample (by power), one BSDF sample, weighted by the power heuristic; Russian roulette from the
+// fifth scattering on, by throughput. A block of up to 1024 samples travels as a wave, stage by stage: trace (packets
+// of 16), surfaces (scalar: memory), lights, BSDF (vectors), compaction. docs/performance.md has the measurements.
+#pragma once
+
+#include "integrators/integrator.h"
+
+namespace nephroid {
+
+class PathIntegrator final : public Integrator {
+  public:
+    /// Keeps a reference to the context.
+    explicit PathIntegrator(const RenderContext& context) : context_(context) {}
+    std::string name() const override { return "path"; }
+    std::unique_ptr<IntegratorWorker> make_worker() const override;
+
+  private:
+    const RenderContext& context_;
+};
+
+}  // namespace nephroid

@@ -1,0 +1,95 @@
+// The state of a wave of paths, as structures of arrays: a stage of the path tracer reads and writes whole vectors.
+#pragma once
+
+#include "accel/ray_batch.h"
+#include "core/bsdf.h"
+#include "core/film.h"
+#include "core/simd.h"
+
+namespace nephroid {
+
+/// Three arrays: a vector or colour per path.
+struct TripleArray {
+    explicit TripleArray(size_t capacity) : x(capacity), y(capacity), z(capacity) {}
+    AlignedArray<float> x, y, z;
+
+    Triple<FloatV> load(size_t i) const {
+        return {FloatV(&x[i], stdx::vector_aligned), FloatV(&y[i], stdx::vector_aligned),
+                FloatV(&z[i], stdx::vector_aligned)};
+    }
+    void store(size_t i, const Triple<FloatV>& v) {
+        v.x.copy_to(&x[i], stdx::vector_aligned);
+        v.y.copy_to(&y[i], stdx::vector_aligned);
+        v.z.copy_to(&z[i], stdx::vector_aligned);
+    }
+    Vec3 get(size_t i) const { return {x[i], y[i], z[i]}; }
+    void set(size_t i, const Vec3& v) {
+        x[i] = v.x;
+        y[i] = v.y;
+        z[i] = v.z;
+    }
+    void copy(size_t to, const TripleArray& source, size_t from) {
+        x[to] = source.x[from];
+        y[to] = source.y[from];
+        z[to] = source.z[from];
+    }
+};
+
+/// Bits of PathWave::flags.
+enum PathFlag : uint32_t {
+    receiver_seen = 1,     ///< Some vertex so far was not a caster.
+    on_caster_chain = 2,   ///< receiver_seen, and every vertex since the last receiver (at least one) is a caster.
+};
+
+/// Paths that are about to be traced.
+struct PathWave {
+    explicit PathWave(size_t capacity)
+        : rays(capacity), throughput(capacity), pdf(capacity), slot(capacity), flags(capacity) {}
+    RayBatch rays;
+    TripleArray throughput;
+    AlignedArray<float> pdf;      ///< Solid-angle density of the ray's direction; 0: delta or camera, no MIS.
+    AlignedArray<uint32_t> slot;  ///< Index into the SampleBuffer.
+    AlignedArray<uint32_t> flags;
+};
+
+/// Surface points that paths have reached and will scatter from.
+struct VertexWave {
+    explicit VertexWave(size_t capacity)
+        : position(capacity), error(capacity), geometric_normal(capacity), shading_normal(capacity), wo(capacity),
+          throughput(capacity), base(capacity), coat_f0(capacity), coat_f90(capacity), metallic(capacity),
+          alpha(capacity), slot(capacity), flags(capacity) {}
+    size_t count = 0;
+    TripleArray position, error, geometric_normal, shading_normal, wo, throughput;
+    TripleArray base, coat_f0;
+    AlignedArray<float> coat_f90, metallic, alpha;
+    AlignedArray<uint32_t> slot, flags;
+
+    BsdfParameters<FloatV> bsdf(size_t i) const {
+        return {base.load(i), coat_f0.load(i), FloatV(&coat_f90[i], stdx::vector_aligned),
+                FloatV(&metallic[i], stdx::vector_aligned), FloatV(&alpha[i], stdx::vector_aligned)};
+    }
+};
+
+/// Directions towards lights from the vertices of a VertexWave, then the light they would bring.
+struct LightWave {
+    explicit LightWave(size_t capacity)
+        : wi(capacity), target(capacity), radiance(capacity), pdf(capacity), bsdf_competes(capacity),
+          infinite(capacity), caustic(capacity) {}
+    TripleArray wi, target;
+    TripleArray radiance;  ///< Arriving radiance (delta: irradiance); then the contribution to the sample.
+    AlignedArray<float> pdf;
+    AlignedArray<float> bsdf_competes;  ///< 1: BSDF sampling can hit this light too (MIS); 0: delta light.
+    AlignedArray<uint32_t> infinite;
+    AlignedArray<uint32_t> caustic;     ///< What arrives is a caustic.
+};
+
+/// Shadow rays and what they carry.
+struct ShadowWave {
+    explicit ShadowWave(size_t capacity)
+        : rays(capacity), contribution(capacity), slot(capacity), caustic(capacity), occluded(padded_to_packets(capacity)) {}
+    RayBatch rays;
+    TripleArray contribution;
+    AlignedArray<uint32_t> slot, caustic, occluded;
+};
+
+}  // namespace nephroid
