@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/rounding.h"
 
 namespace nephroid {
 
@@ -36,13 +35,15 @@ Surfaces::Surfaces(const Scene& scene) : scene_(scene) {
         const Material& material = scene.materials[static_cast<size_t>(mesh.material)];
         const InstanceTransform* instance = nullptr;
         if (object.to_world != Mat4(1.0F)) {
-            instances_.push_back({object.to_world, glm::transpose(glm::inverse(Mat3(object.to_world)))});
+            const Mat3 linear(object.to_world);
+            instances_.push_back({object.to_world, glm::transpose(glm::inverse(linear)), glm::determinant(linear) < 0.0F});
             instance = &instances_.back();
         }
+        const bool textured = has_texture(material) || !mesh.colors.empty();
         records_.push_back({mesh.triangles.data(), mesh.positions.data(),
                             mesh.normals.empty() ? nullptr : mesh.normals.data(), &material, &mesh, instance,
                             make_bsdf(material, Rgb(material.base_color), material.metallic, material.roughness),
-                            has_texture(material) || !mesh.colors.empty(), material.emits(), false});
+                            textured, material.emits(), !textured && !material.emits() && instance == nullptr, false});
     }
 }
 
@@ -50,60 +51,66 @@ void Surfaces::set_casters(const std::vector<uint8_t>& casters) {
     for (size_t i = 0; i < records_.size(); ++i) records_[i].caster = casters[i] != 0;
 }
 
+TriangleCorners<float> Surfaces::corners_of(const Record& record, const Triangle& t) {
+    TriangleCorners<float> corners{to_triple(record.positions[t[0]]),
+                                   to_triple(record.positions[t[1]]),
+                                   to_triple(record.positions[t[2]]),
+                                   {0.0F, 0.0F, 0.0F},
+                                   {0.0F, 0.0F, 0.0F},
+                                   {0.0F, 0.0F, 0.0F}};
+    if (record.normals != nullptr) {
+        corners.n0 = to_triple(record.normals[t[0]]);
+        corners.n1 = to_triple(record.normals[t[1]]);
+        corners.n2 = to_triple(record.normals[t[2]]);
+    }
+    return corners;
+}
+
+TriangleCorners<float> Surfaces::corners(uint32_t object, uint32_t primitive) const {
+    const Record& record = records_[object];
+    return corners_of(record, record.triangles[primitive]);
+}
+
+TriangleCorners<float> Surfaces::to_world(const InstanceTransform& transform, const TriangleCorners<float>& corners) {
+    const auto point = [&](const Triple<float>& p) { return to_triple(Vec3(transform.to_world * Vec4(to_vec3(p), 1.0F))); };
+    const auto normal = [&](const Triple<float>& n) { return to_triple(transform.normal_to_world * to_vec3(n)); };
+    return {point(corners.p0),  point(corners.p1),  point(corners.p2),
+            normal(corners.n0), normal(corners.n1), normal(corners.n2)};
+}
+
 SurfaceInteraction Surfaces::interact(uint32_t object, uint32_t primitive, float u, float v, const Vec3& wo) const {
     const Record& record = records_[object];
     const Triangle& t = record.triangles[primitive];
-    const Vec3 weights(1.0F - u - v, u, v);
-    Vec3 p0 = record.positions[t[0]];
-    Vec3 p1 = record.positions[t[1]];
-    Vec3 p2 = record.positions[t[2]];
+    TriangleCorners<float> corners = corners_of(record, t);
     Vec3 transform_error(0.0F);
     if (record.instance != nullptr) {
         const Mat4& m = record.instance->to_world;
         const Mat3 magnitude(glm::abs(Vec3(m[0])), glm::abs(Vec3(m[1])), glm::abs(Vec3(m[2])));
-        transform_error = magnitude * glm::max(glm::abs(p0), glm::max(glm::abs(p1), glm::abs(p2))) + glm::abs(Vec3(m[3]));
-        p0 = Vec3(m * Vec4(p0, 1.0F));
-        p1 = Vec3(m * Vec4(p1, 1.0F));
-        p2 = Vec3(m * Vec4(p2, 1.0F));
+        const Vec3 largest =
+            to_vec3(maximum(absolute(corners.p0), maximum(absolute(corners.p1), absolute(corners.p2))));
+        transform_error = rounding_bound(8) * (magnitude * largest + glm::abs(Vec3(m[3])));
+        corners = to_world(*record.instance, corners);
     }
+    const SurfaceGeometry<float> geometry = interpolate_surface(corners, u, v, to_triple(wo));
 
     SurfaceInteraction surface;
-    const Vec3 a = weights.x * p0;
-    const Vec3 b = weights.y * p1;
-    const Vec3 c = weights.z * p2;
-    surface.position = a + b + c;
-    // Interpolation rounds relative to the terms; Embree's plane test relative to the vertices' distance from the ray.
-    const Vec3 extent = glm::max(glm::abs(p0 - surface.position),
-                                 glm::max(glm::abs(p1 - surface.position), glm::abs(p2 - surface.position)));
-    surface.error = rounding_bound(8) * (glm::abs(a) + glm::abs(b) + glm::abs(c)) + rounding_bound(8) * extent +
-                    rounding_bound(8) * transform_error;
-
-    Vec3 cross = glm::cross(p1 - p0, p2 - p0);
-    const float length = glm::length(cross);
-    // Mirroring instances reverse the winding (glTF 2.0, Sec. 3.7.2.1).
-    const bool mirrored = record.instance != nullptr && glm::determinant(Mat3(record.instance->to_world)) < 0.0F;
-    Vec3 normal = length > 0.0F ? cross * ((mirrored ? -1.0F : 1.0F) / length) : Vec3(0.0F);
-    surface.front = glm::dot(normal, wo) >= 0.0F;
-    surface.geometric_normal = surface.front ? normal : -normal;
-
-    surface.shading_normal = surface.geometric_normal;
-    if (record.normals != nullptr) {
-        Vec3 n = weights.x * record.normals[t[0]] + weights.y * record.normals[t[1]] + weights.z * record.normals[t[2]];
-        if (record.instance != nullptr) n = record.instance->normal_to_world * n;
-        const float n_length2 = glm::dot(n, n);
-        if (n_length2 > 0.0F) surface.shading_normal = n / std::sqrt(n_length2);
-    }
+    surface.position = to_vec3(geometry.position);
+    surface.error = to_vec3(geometry.error) + transform_error;
+    surface.geometric_normal = to_vec3(geometry.geometric_normal);
+    surface.shading_normal = to_vec3(geometry.shading_normal);
+    // Mirroring reverses the winding (glTF 2.0, Sec. 3.7.2.1).
+    surface.front = geometry.front != (record.instance != nullptr && record.instance->mirrors);
     if (record.textured) {
+        const Vec3 weights(1.0F - u - v, u, v);
         interpolate_texture_coordinates(record, t, weights, surface);
         if (record.material->normal_texture.image >= 0) apply_normal_map(record, t, weights, surface);
         surface.bsdf = textured_bsdf(record, t, weights, surface);
     } else {
         surface.bsdf = record.constant_bsdf;
     }
-    if (glm::dot(surface.shading_normal, surface.geometric_normal) < 0.0F) {
-        surface.shading_normal = -surface.shading_normal;
-    }
-    if (record.emits) surface.area = 0.5F * length;
+    surface.shading_normal =
+        to_vec3(face_forward(to_triple(surface.shading_normal), to_triple(surface.geometric_normal)));
+    surface.area = 0.5F * geometry.double_area;
     return surface;
 }
 
@@ -126,7 +133,7 @@ void Surfaces::apply_normal_map(const Record& record, const Triangle& t, const V
     if (!(length2 > 0.0F)) return;
     tangent /= std::sqrt(length2);
     float handedness = record.mesh->tangents[t[0]].w;
-    if (record.instance != nullptr && glm::determinant(Mat3(record.instance->to_world)) < 0.0F) handedness = -handedness;
+    if (record.instance != nullptr && record.instance->mirrors) handedness = -handedness;
     const Vec3 bitangent = glm::cross(n, tangent) * handedness;
 
     const Material& material = *record.material;

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "accel/accelerator.h"
+#include "accel/surface_geometry.h"
 #include "core/bsdf.h"
 #include "core/scene.h"
 
@@ -16,7 +17,7 @@ struct SurfaceInteraction {
     Vec3 shading_normal{0.0F};    ///< Unit, on the side of geometric_normal.
     BsdfParameters<float> bsdf{};
     Vec2 uv[2]{};
-    float area = 0.0F;            ///< Of the triangle, world space, m^2; only where the material emits.
+    float area = 0.0F;            ///< Of the triangle, world space, m^2.
     bool front = false;           ///< wo lies on the side that the winding calls front.
 };
 
@@ -28,6 +29,12 @@ class Surfaces {
     /// For a hit on an object (hit.object < objects.size()), seen from direction wo = -ray direction.
     SurfaceInteraction interact(uint32_t object, uint32_t primitive, float u, float v, const Vec3& wo) const;
 
+    /// Most hits need only their triangle's corners and a constant material: no texture, no emission, no instance
+    /// transform. Those can be handled a vector at a time, with the next two functions.
+    bool is_plain(uint32_t object) const { return records_[object].plain; }
+    TriangleCorners<float> corners(uint32_t object, uint32_t primitive) const;
+    const BsdfParameters<float>& constant_bsdf(uint32_t object) const { return records_[object].constant_bsdf; }
+
     const Material& material(uint32_t object) const { return *records_[object].material; }
     bool emits(uint32_t object) const { return records_[object].emits; }
     size_t object_count() const { return records_.size(); }
@@ -38,6 +45,7 @@ class Surfaces {
     struct InstanceTransform {
         Mat4 to_world;
         Mat3 normal_to_world;  ///< Inverse transpose of the linear part.
+        bool mirrors;          ///< Negative determinant.
     };
     struct Record {
         const Triangle* triangles;
@@ -49,8 +57,12 @@ class Surfaces {
         BsdfParameters<float> constant_bsdf;
         bool textured;  ///< Some slot has a texture, or vertices have colours.
         bool emits;
+        bool plain;
         bool caster;
     };
+
+    static TriangleCorners<float> corners_of(const Record& record, const Triangle& t);
+    static TriangleCorners<float> to_world(const InstanceTransform& transform, const TriangleCorners<float>& corners);
 
     void interpolate_texture_coordinates(const Record& record, const Triangle& t, const Vec3& weights,
                                          SurfaceInteraction& surface) const;

@@ -1,11 +1,13 @@
 // The one reflection model: glTF's metallic-roughness material.
 //
-//   f = metallic * F_metal S + (1 - metallic) * [ F_coat S + (1 - max F_coat) base / pi ]
+//   f = metallic * F_metal(v.h) S + (1 - metallic) * [ F_coat(v.h) S + T(cos_o) T(cos_i) / T_mean * base / pi ]
 //   S = D G2 / (4 cos_o cos_i): GGX normal distribution with height-correlated Smith masking and shadowing
-//   F_metal = Schlick(base, 1), F_coat = Schlick(f0, f90), both of v.h, so f is reciprocal.
+//   F_metal = Schlick(base, 1), F_coat = Schlick(f0, f90), T = 1 - max F_coat
 //
-// The diffuse base receives what the coat does not reflect at v.h (glTF 2.0, Appendix B), which keeps the albedo
-// below one. Directions are local (z = shading normal) and point away from the surface; values include the cosine of
+// Energy split: light enters the base through the coat and leaves it through the coat, hence T twice; dividing by the
+// mean of T over the hemisphere accounts for what the coat sends back into the base, so that the base's albedo is
+// T(cos_o) * base. glTF's own example (Appendix B) has 1 - F(v.h) instead, which reflects up to 1.5 times the light
+// that arrives at grazing angles; this form is reciprocal too and its albedo stays below one. Directions are local (z = shading normal) and point away from the surface; values include the cosine of
 // wi; densities are per solid angle. alpha = roughness^2; below `delta_alpha` S is a perfect mirror (delta) and only
 // the diffuse part is evaluated. Templates over F = float or FloatV.
 #pragma once
@@ -52,31 +54,42 @@ F smith_term(const Triple<F>& w, const F& alpha) {
     return square_root(w.z * w.z + slope);
 }
 
-/// Share of Schlick's weight that the metal and the coat reflect together at v.h, and the weight of the base.
+/// The coat's reflectance at a cosine, by channel.
 template <class F>
-struct ReflectedShare {
-    Triple<F> specular;  ///< metallic * F_metal + (1 - metallic) * F_coat
-    F diffuse;           ///< (1 - metallic) * (1 - max F_coat)
-};
+Triple<F> coat_reflectance(const BsdfParameters<F>& p, const F& weight) {
+    return {p.coat_f0.x + (p.coat_f90 - p.coat_f0.x) * weight, p.coat_f0.y + (p.coat_f90 - p.coat_f0.y) * weight,
+            p.coat_f0.z + (p.coat_f90 - p.coat_f0.z) * weight};
+}
+
+/// Fresnel factor of the specular part at v.h = cosine: metallic * F_metal + (1 - metallic) * F_coat.
 template <class F>
-ReflectedShare<F> reflected_share(const BsdfParameters<F>& p, const F& cosine) {
+Triple<F> specular_reflectance(const BsdfParameters<F>& p, const F& cosine) {
     const F weight = schlick_weight(cosine);
-    const Triple<F> coat{p.coat_f0.x + (p.coat_f90 - p.coat_f0.x) * weight,
-                         p.coat_f0.y + (p.coat_f90 - p.coat_f0.y) * weight,
-                         p.coat_f0.z + (p.coat_f90 - p.coat_f0.z) * weight};
     const Triple<F> metal{p.base.x + (F(1.0F) - p.base.x) * weight, p.base.y + (F(1.0F) - p.base.y) * weight,
                           p.base.z + (F(1.0F) - p.base.z) * weight};
-    const F dielectric = F(1.0F) - p.metallic;
-    return {metal * p.metallic + coat * dielectric, dielectric * (F(1.0F) - max_component(coat))};
+    return metal * p.metallic + coat_reflectance(p, weight) * (F(1.0F) - p.metallic);
+}
+
+/// T: what the coat lets through at a cosine, the same for all channels so that it does not tint the base.
+template <class F>
+F coat_transmittance(const BsdfParameters<F>& p, const F& cosine) {
+    return F(1.0F) - max_component(coat_reflectance(p, schlick_weight(cosine)));
+}
+
+/// (1 - metallic) T(cos_i) / T_mean. The exact cosine-weighted mean of Schlick's weight is 1/21; with 1/22 the albedo
+/// stays below one also where a slightly rough coat reflects 0.1 % more than a smooth one (the weight is convex).
+template <class F>
+F base_share(const BsdfParameters<F>& p, const F& cos_i) {
+    const F mean = F(1.0F) - max_component(coat_reflectance(p, F(1.0F / 22.0F)));
+    return (F(1.0F) - p.metallic) * coat_transmittance(p, cos_i) / maximum(mean, F(1e-6F));
 }
 
 /// Probability of sampling the specular part: its share of the energy at the view angle, kept away from 0 and 1
 /// where both parts exist.
 template <class F>
 F specular_probability(const BsdfParameters<F>& p, const F& cos_o) {
-    const ReflectedShare<F> share = reflected_share(p, cos_o);
-    const F specular = luminance(share.specular);
-    const F diffuse = share.diffuse * luminance(p.base);
+    const F specular = luminance(specular_reflectance(p, cos_o));
+    const F diffuse = (F(1.0F) - p.metallic) * coat_transmittance(p, cos_o) * luminance(p.base);
     const F total = specular + diffuse;
     const F ratio = select(total > F(0.0F), specular / maximum(total, F(1e-30F)), F(0.0F));
     const F bounded = minimum(maximum(ratio, F(0.05F)), F(0.95F));
@@ -96,7 +109,8 @@ BsdfEvaluation<F> evaluate_bsdf(const BsdfParameters<F>& p, const Triple<F>& wo,
     const Triple<F> h = normalized(wo + wi);
     const F cos_h = dot(wo, h);
     const F probability = specular_probability(p, wo.z);
-    const ReflectedShare<F> share = reflected_share(p, cos_h);
+    const Triple<F> specular = specular_reflectance(p, cos_h);
+    const F diffuse = coat_transmittance(p, wo.z) * base_share(p, wi.z);
 
     const F density = ggx_density(h, p.alpha);
     const F term_o = smith_term(wo, p.alpha);
@@ -111,7 +125,7 @@ BsdfEvaluation<F> evaluate_bsdf(const BsdfParameters<F>& p, const Triple<F>& wo,
     const F cosine_pdf = select(above, wi.z * F(inv_pi), F(0.0F));
     const F zero(0.0F);
     // Below the horizon h may be undefined (wi = -wo): the select drops what was computed from it.
-    return {select<F>(above, share.specular * lobe + p.base * (share.diffuse * cosine_pdf), {zero, zero, zero}),
+    return {select<F>(above, specular * lobe + p.base * (diffuse * cosine_pdf), {zero, zero, zero}),
             probability * lobe_pdf + (F(1.0F) - probability) * cosine_pdf};
 }
 
@@ -152,7 +166,7 @@ BsdfSample<F> sample_bsdf(const BsdfParameters<F>& p, const Triple<F>& wo, const
     const BsdfEvaluation<F> evaluation = evaluate_bsdf(p, wo, wi);
     const auto valid = (wo.z > F(0.0F)) && (wi.z > F(0.0F)) && (delta || (evaluation.pdf > F(0.0F)));
     const F inverse_pdf = select(evaluation.pdf > F(0.0F), F(1.0F) / maximum(evaluation.pdf, F(1e-37F)), F(0.0F));
-    const Triple<F> mirror_weight = reflected_share(p, wo.z).specular * (F(1.0F) / maximum(probability, F(1e-6F)));
+    const Triple<F> mirror_weight = specular_reflectance(p, wo.z) * (F(1.0F) / maximum(probability, F(1e-6F)));
     const Triple<F> weight = select<F>(delta, mirror_weight, evaluation.value * inverse_pdf);
     const F zero(0.0F);
     return {wi, select<F>(valid, weight, {zero, zero, zero}), evaluation.pdf, delta};

@@ -16,7 +16,7 @@ void warn_gltf(GltfImport& import, const std::string& element, const std::string
 
 void charge_mesh_memory(GltfImport& import, size_t bytes, const std::string& element) {
     constexpr size_t always_allowed = size_t{1} << 29U;
-    constexpr size_t largest_ratio = 100;
+    constexpr size_t largest_ratio = 32;
     import.mesh_bytes += bytes;
     if (import.mesh_bytes > always_allowed + largest_ratio * import.document.source_bytes) {
         fail_gltf(import.document.file, element,

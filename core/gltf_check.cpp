@@ -18,7 +18,8 @@ using Json = nlohmann::json;
 // Each JSON object becomes up to 2 kB of parsed structures, each value up to 200 bytes.
 constexpr size_t max_depth = 64;
 constexpr size_t max_objects = size_t{1} << 19U;
-constexpr size_t max_values = size_t{1} << 22U;
+constexpr size_t max_texts = 1000;
+constexpr size_t max_values = size_t{1} << 23U;
 
 enum class Kind { object, objects, array, number, numbers, count, small_count, text, texts, boolean };
 
@@ -302,7 +303,9 @@ std::string mismatch(const Json& value, const TypeRule& rule) {
         case Kind::text:
             return value.is_string() ? "" : "a string";
         case Kind::texts:
-            return all_elements(value, [](const Json& e) { return e.is_string(); }) ? "" : "an array of strings";
+            return value.size() <= max_texts && all_elements(value, [](const Json& e) { return e.is_string(); })
+                       ? ""
+                       : "an array of at most 1000 strings";
         case Kind::boolean:
             return value.is_boolean() ? "" : "true or false";
     }

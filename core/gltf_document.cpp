@@ -1,6 +1,7 @@
 #include "core/gltf_document.h"
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -47,6 +48,54 @@ Json take(Json& json, const char* key) {
     return taken;
 }
 
+/// Erases all members of an object but those named.
+template <size_t count>
+void keep_members(Json& json, const char* const (&names)[count]) {
+    for (auto member = json.begin(); member != json.end();) {
+        const bool kept = std::find(std::begin(names), std::end(names), member.key()) != std::end(names);
+        member = kept ? std::next(member) : json.erase(member);
+    }
+}
+
+/// Erases what the loader does not read but tinygltf would copy, at a multiple of its size: extras but our own,
+/// extensions that are not supported, and, below, unknown members of materials and attributes.
+void prune_unread(Json& json) {
+    static constexpr const char* known_extras[] = {"caustics", "radius"};
+    if (json.is_object()) {
+        const auto extras = json.find("extras");
+        if (extras != json.end() && extras->is_object()) keep_members(*extras, known_extras);
+        if (extras != json.end() && !extras->is_object()) json.erase(extras);
+        const auto extensions = json.find("extensions");
+        if (extensions != json.end() && extensions->is_object()) keep_members(*extensions, supported_extensions);
+    }
+    if (!json.is_structured()) return;
+    for (Json& element : json) prune_unread(element);
+}
+
+void prune_primitive(Json& primitive) {
+    static constexpr const char* known[] = {"POSITION", "NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "COLOR_0"};
+    keep_members(primitive["attributes"], known);
+}
+
+void prune_material(Json& material) {
+    static constexpr const char* known[] = {"name",           "pbrMetallicRoughness", "normalTexture",
+                                            "emissiveFactor", "emissiveTexture",      "alphaMode",
+                                            "alphaCutoff",    "doubleSided",          "extensions"};
+    static constexpr const char* known_inner[] = {"baseColorFactor", "baseColorTexture", "metallicFactor",
+                                                  "roughnessFactor", "metallicRoughnessTexture"};
+    keep_members(material, known);
+    if (material.contains("pbrMetallicRoughness")) keep_members(material["pbrMetallicRoughness"], known_inner);
+}
+
+/// tinygltf cuts integers in extensions and extras to 32 bits; as floating-point numbers they keep their value.
+void widen_large_integers(Json& json) {
+    if (json.is_structured()) {
+        for (Json& element : json) widen_large_integers(element);
+    } else if (json.is_number_integer() && std::abs(json.get<double>()) > double{INT32_MAX}) {
+        json = json.get<double>();
+    }
+}
+
 /// tinygltf refuses index accessors without a buffer view, which Draco and sparse accessors have: they get a stand-in.
 /// Returns the accessors that did.
 std::vector<size_t> add_stand_in_views(Json& json) {
@@ -65,6 +114,19 @@ std::vector<size_t> add_stand_in_views(Json& json) {
 
 tinygltf::Model parse_model(Json json, const std::string& file) {
     const std::vector<size_t> without_view = add_stand_in_views(json);
+    prune_unread(json);
+    if (json.contains("materials")) {
+        for (Json& material : json["materials"]) prune_material(material);
+    }
+    if (json.contains("meshes")) {
+        for (Json& mesh : json["meshes"]) {
+            if (!mesh.contains("primitives")) continue;
+            for (Json& primitive : mesh["primitives"]) prune_primitive(primitive);
+        }
+    }
+    for (const char* key : {"materials", "nodes", "extensions"}) {
+        if (json.contains(key)) widen_large_integers(json[key]);
+    }
     const std::string text = json.dump();
     json = nullptr;
     if (text.size() > UINT32_MAX) fail_gltf(file, "JSON", "it is larger than 4 GiB; split the scene");

@@ -43,8 +43,10 @@ bool read_announced_sizes(std::span<const uint8_t> bytes, AnnouncedSizes& sizes)
         return false;
     }
     // The extension asks for bitstream 2.2; older ones are laid out in another way.
-    if (major != 2 || minor != 2 || geometry != draco::TRIANGULAR_MESH) return false;
-    buffer.set_bitstream_version(DRACO_BITSTREAM_VERSION(major, minor));
+    if (major != draco::kDracoMeshBitstreamVersionMajor || minor != draco::kDracoMeshBitstreamVersionMinor)
+        return false;
+    if (geometry != draco::TRIANGULAR_MESH) return false;
+    buffer.set_bitstream_version(draco::kDracoMeshBitstreamVersion);
     if ((flags & METADATA_FLAG_MASK) != 0) {
         draco::GeometryMetadata metadata;
         if (!draco::MetadataDecoder().DecodeGeometryMetadata(&buffer, &metadata)) return false;

@@ -64,8 +64,10 @@ size_t replace_non_finite(Image& image) {
 
 void charge_image_memory(GltfImport& import, const Image& image, const std::string& element) {
     constexpr size_t always_allowed = size_t{1} << 29U;
-    constexpr size_t largest_ratio = 100;
-    import.image_bytes += image.bytes.size() + image.floats.size() * sizeof(float);
+    constexpr size_t largest_ratio = 64;
+    const size_t channels_later = image.channels > 2 ? static_cast<size_t>(image.channels) : 4;
+    const size_t bytes = image.bytes.size() + image.floats.size() * sizeof(float);
+    import.image_bytes += bytes / static_cast<size_t>(image.channels) * channels_later;
     if (import.image_bytes > always_allowed + largest_ratio * import.document.source_bytes) {
         fail_gltf(import.document.file, element,
                   "the pictures take too much memory for a file of this size; scale them down");

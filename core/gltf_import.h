@@ -19,6 +19,7 @@ struct GltfImport {
     std::set<std::string> warned;                ///< Each warning is given once.
     std::map<int, int> materials;                ///< glTF material (-1: the default) to Scene::materials.
     std::map<std::pair<int, bool>, int> images;  ///< glTF image and whether decoded from sRGB, to Scene::images.
+    std::vector<Bounds> mesh_bounds;             ///< Object-space bounds, parallel to Scene::meshes.
     std::map<int, std::vector<int>> meshes;      ///< glTF mesh to Scene::meshes, one per primitive.
     size_t mesh_bytes = 0;                       ///< Memory taken by meshes so far.
     size_t image_bytes = 0;                      ///< Memory taken by images so far.

@@ -75,7 +75,7 @@ std::vector<Vector> read_attribute(const GltfImport& import, const PrimitiveSour
 }
 
 void check_attributes(const GltfImport& import, const PrimitiveSource& source) {
-    for (const std::string name : {"POSITION", "NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "COLOR_0"}) {
+    for (const char* name : {"POSITION", "NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "COLOR_0"}) {
         const int index = find_attribute(*source.primitive, name);
         if (index < 0) continue;
         const tinygltf::Accessor& accessor = get_accessor(import, index);
@@ -241,6 +241,17 @@ std::map<std::string, int> wanted_components(const GltfImport& import, const tin
             {"TEXCOORD_0", 2}, {"TEXCOORD_1", 2}, {"COLOR_0", alpha ? 4 : 3}};
 }
 
+Bounds object_bounds(const GltfImport& import, const Mesh& mesh, const std::string& element) {
+    // Beyond this, squared lengths and ray tracing leave the range of floats.
+    constexpr float max_coordinate = 1e15F;
+    Bounds bounds;
+    for (const Vec3& position : mesh.positions) bounds.extend(position);
+    if (max_component(bounds.max) > max_coordinate || max_component(-bounds.min) > max_coordinate) {
+        fail_gltf(import.document.file, element, "it has coordinates beyond 1e15; repair the mesh and re-export");
+    }
+    return bounds;
+}
+
 /// Whether the primitive can be rendered; warns where not.
 bool is_renderable(GltfImport& import, const tinygltf::Primitive& primitive, const std::string& element) {
     if (primitive.mode > TINYGLTF_MODE_TRIANGLE_FAN) {
@@ -295,6 +306,7 @@ const std::vector<int>& import_mesh(GltfImport& import, int index) {
             continue;
         }
         mesh.name = printable(source.name);
+        import.mesh_bounds.push_back(object_bounds(import, mesh, element));
         entry->second.push_back(static_cast<int>(import.scene.meshes.size()));
         import.scene.meshes.push_back(std::move(mesh));
     }

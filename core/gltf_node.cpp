@@ -113,8 +113,7 @@ std::vector<int> find_roots(const GltfImport& import, const std::vector<bool>& h
     return roots;
 }
 
-/// Whether the transform can be inverted as floats; refuses positions that are too far away to compute with.
-bool is_usable(const GltfImport& import, int node, const glm::dmat4& to_world) {
+void check_magnitude(const GltfImport& import, int node, const glm::dmat4& to_world) {
     for (int column = 0; column < 4; ++column) {
         for (int row = 0; row < 3; ++row) {
             if (std::abs(to_world[column][row]) <= max_coordinate) continue;
@@ -122,23 +121,22 @@ bool is_usable(const GltfImport& import, int node, const glm::dmat4& to_world) {
                       "its transform to world space has numbers above 1e9; correct it");
         }
     }
-    const Mat3 linear = Mat3(glm::dmat3(to_world));
-    const Mat3 inverse = glm::inverse(linear);
+}
+
+/// Whether the transform can be inverted as floats.
+bool is_invertible(const glm::dmat4& to_world) {
+    const Mat3 inverse = glm::inverse(Mat3(glm::dmat3(to_world)));
     for (int column = 0; column < 3; ++column) {
         if (!std::isfinite(glm::dot(inverse[column], Vec3(1.0F)))) return false;
     }
     return true;
 }
 
-void check_world_positions(const GltfImport& import, int node, const Mesh& mesh, const glm::dmat4& to_world) {
-    Bounds bounds;
-    for (const Vec3& position : mesh.positions) bounds.extend(position);
+void check_world_positions(const GltfImport& import, int node, const Bounds& bounds, const glm::dmat4& to_world) {
+    const glm::dvec3 largest = glm::max(glm::abs(bounds.min), glm::abs(bounds.max));
     for (int axis = 0; axis < 3; ++axis) {
         double reach = std::abs(to_world[3][axis]);
-        for (int column = 0; column < 3; ++column) {
-            const float largest = std::max(std::abs(bounds.min[column]), std::abs(bounds.max[column]));
-            reach += std::abs(to_world[column][axis]) * double{largest};
-        }
+        for (int column = 0; column < 3; ++column) reach += std::abs(to_world[column][axis]) * largest[column];
         if (reach <= max_coordinate) continue;
         fail_gltf(import.document.file, name_of(node),
                   "its mesh reaches beyond 1e9 metres in world space; repair or rescale it");
@@ -148,7 +146,7 @@ void check_world_positions(const GltfImport& import, int node, const Mesh& mesh,
 void import_objects(GltfImport& import, int index, const glm::dmat4& to_world, bool no_caustics) {
     const tinygltf::Node& node = get_node(import, index);
     if (node.mesh < 0) return;
-    if (!is_usable(import, index, to_world)) {
+    if (!is_invertible(to_world)) {
         warn_gltf(import, name_of(index), "it is scaled to nothing; its mesh is left out");
         return;
     }
@@ -157,7 +155,7 @@ void import_objects(GltfImport& import, int index, const glm::dmat4& to_world, b
             fail_gltf(import.document.file, name_of(index),
                       "there are more than " + std::to_string(max_objects) + " objects; merge meshes");
         }
-        check_world_positions(import, index, import.scene.meshes[static_cast<size_t>(mesh)], to_world);
+        check_world_positions(import, index, import.mesh_bounds[static_cast<size_t>(mesh)], to_world);
         Object object;
         object.name = printable(node.name);
         object.mesh = mesh;
@@ -191,6 +189,7 @@ void import_nodes(GltfImport& import) {
         pending.pop_back();
         const tinygltf::Node& node = get_node(import, visit.node);
         const glm::dmat4 to_world = visit.parent_to_world * local_transform(import, visit.node);
+        check_magnitude(import, visit.node, to_world);
         const bool no_caustics = visit.no_caustics || switches_caustics_off(node);
         import_objects(import, visit.node, to_world, no_caustics);
         import_camera(import, visit.node, to_world);

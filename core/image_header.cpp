@@ -26,10 +26,26 @@ uint32_t read_little_endian(std::span<const uint8_t> bytes, size_t offset) {
     return value;
 }
 
+/// Whether the chunks of a PNG fill it up to an IEND chunk. Past the end of the data libpng jumps over destructors.
+bool has_all_png_chunks(std::span<const uint8_t> bytes) {
+    constexpr size_t signature_size = 8;
+    constexpr size_t chunk_overhead = 12;  // Length, type and checksum.
+    size_t offset = signature_size;
+    while (bytes.size() - offset >= chunk_overhead) {
+        const size_t length = read_big_endian(bytes, offset, 4);
+        if (length > bytes.size() - offset - chunk_overhead) return false;
+        if (starts_with(bytes.subspan(offset + 4), "IEND")) return true;
+        offset += length + chunk_overhead;
+    }
+    return false;
+}
+
 /// Width and height are the first two numbers of the IHDR chunk, which comes first.
 PictureSize read_png_size(std::span<const uint8_t> bytes) {
-    if (bytes.size() < 24) return {};
-    return {read_big_endian(bytes, 16, 4), read_big_endian(bytes, 20, 4)};
+    constexpr size_t width_offset = 16;
+    constexpr size_t height_offset = 20;
+    if (bytes.size() < height_offset + 4 || !has_all_png_chunks(bytes)) return {};
+    return {read_big_endian(bytes, width_offset, 4), read_big_endian(bytes, height_offset, 4)};
 }
 
 bool is_frame_header(uint8_t marker) {

@@ -8,7 +8,7 @@ namespace nephroid {
 
 enum class PictureFormat : uint8_t { unknown, png, jpeg, openexr, radiance_hdr };
 
-/// Announced size; zero where the header is malformed.
+/// Announced size; zero where the header is malformed or the file visibly truncated.
 struct PictureSize {
     uint64_t width = 0;
     uint64_t height = 0;

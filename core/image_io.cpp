@@ -45,7 +45,8 @@ const char* plugin_name(PictureFormat format) {
 }
 
 void check_size(uint64_t width, uint64_t height, uint64_t channels, size_t file_size, const std::string& name) {
-    if (width == 0 || height == 0 || channels == 0) fail_image(name, "its header is malformed; save the picture again");
+    if (width == 0 || height == 0 || channels == 0)
+        fail_image(name, "its header is malformed or the file truncated; save the picture again");
     const uint64_t limit = std::min(max_values, max_values_per_byte * file_size);
     if (width > limit || height > limit || width * height > limit / channels) {
         fail_image(name, "its size of " + std::to_string(width) + " x " + std::to_string(height) +

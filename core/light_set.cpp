@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/delta_light.h"
 #include "core/frame.h"
 #include "core/rounding.h"
 #include "core/warp.h"
@@ -65,12 +66,6 @@ Rgb emitted_radiance(const Scene& scene, const Material& material, const Vec2 uv
     if (texture.image < 0) return material.emission;
     return material.emission *
            Rgb(sample_texture(scene.images[static_cast<size_t>(texture.image)], texture, uv[texture.uv_set]));
-}
-
-float spot_falloff(const PunctualLight& light, const Vec3& away) {
-    const float scale = 1.0F / std::max(1e-3F, light.cos_inner - light.cos_outer);
-    const float ramp = std::clamp((glm::dot(away, light.direction) - light.cos_outer) * scale, 0.0F, 1.0F);
-    return ramp * ramp;
 }
 
 Rgb LightSet::sphere_radiance(const PunctualLight& light) {
@@ -138,26 +133,18 @@ LightSample LightSet::sample(float u_select, Vec2 u, const Vec3& p) const {
 
 LightSample LightSet::sample_punctual(const PunctualLight& light, Vec2 u, const Vec3& p) const {
     LightSample sample;
-    if (light.kind == LightKind::directional) {
-        sample.wi = -light.direction;
-        sample.radiance = light.intensity;
-        sample.infinite = true;
+    if (light.kind != LightKind::sphere) {
+        const DeltaLightSample<float> delta = sample_delta_light(light, to_triple(p));
+        sample.wi = to_vec3(delta.wi);
+        sample.radiance = to_vec3(delta.irradiance);
+        sample.target = light.position;
+        sample.infinite = light.kind == LightKind::directional;
         sample.delta = true;
         sample.pdf = 1.0F;
         return sample;
     }
     const Vec3 to_light = light.position - p;
     const float distance2 = glm::dot(to_light, to_light);
-    if (light.kind != LightKind::sphere) {
-        if (distance2 <= 0.0F) return sample;
-        sample.wi = to_light / std::sqrt(distance2);
-        sample.target = light.position;
-        sample.radiance = light.intensity / distance2;
-        if (light.kind == LightKind::spot) sample.radiance *= spot_falloff(light, -sample.wi);
-        sample.delta = true;
-        sample.pdf = 1.0F;
-        return sample;
-    }
     // Uniform in the cone that the sphere subtends; nothing inside the sphere, which emits outwards only.
     if (distance2 <= light.radius * light.radius) return sample;
     const float distance = std::sqrt(distance2);

@@ -45,8 +45,11 @@ class LightSet {
     /// Some light can be hit by a ray: sphere lights, emissive triangles, environment.
     bool has_hittable() const { return hittable_; }
     const Environment* environment() const { return environment_ ? &*environment_ : nullptr; }
-    /// Where every light is a point, spot or directional light: no light can be hit and none needs a 2D sample.
-    bool only_delta() const { return !hittable_; }
+    /// The light where there is just one and it is a point, spot or directional light; else null. The commonest case of
+    /// a caustic, and one that needs no random numbers.
+    const PunctualLight* single_delta_light() const {
+        return size() == 1 && scene_.lights.size() == 1 && !hittable_ ? scene_.lights.data() : nullptr;
+    }
 
     /// Selects a light with u_select and a point of it with u, as seen from p.
     LightSample sample(float u_select, Vec2 u, const Vec3& p) const;
@@ -77,8 +80,5 @@ class LightSet {
 
 /// Radiance that a material emits at uv of both sets, W/(m^2 sr); the caller checks the side.
 Rgb emitted_radiance(const Scene& scene, const Material& material, const Vec2 uv[2]);
-
-/// Intensity of a spot light in direction `away` (unit, from the light), relative to its centre (KHR_lights_punctual).
-float spot_falloff(const PunctualLight& light, const Vec3& away);
 
 }  // namespace nephroid

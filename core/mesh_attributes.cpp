@@ -13,13 +13,6 @@ Vec3 scaled_face_normal(const Mesh& mesh, const Triangle& triangle) {
     return glm::cross(mesh.positions[triangle[1]] - origin, mesh.positions[triangle[2]] - origin);
 }
 
-/// The direction, or `fallback` where the vector has none.
-Vec3 unit_or(const Vec3& v, const Vec3& fallback) {
-    const float largest = glm::max(glm::abs(v.x), glm::max(glm::abs(v.y), glm::abs(v.z)));
-    if (!(largest > 0.0F) || !std::isfinite(largest)) return fallback;
-    return glm::normalize(v / largest);
-}
-
 /// Any unit vector orthogonal to n.
 Vec3 any_orthogonal(const Vec3& n) {
     const Vec3 axis = glm::abs(n.x) < 0.6F ? Vec3(1.0F, 0.0F, 0.0F) : Vec3(0.0F, 1.0F, 0.0F);
@@ -42,13 +35,13 @@ TextureFrame texture_frame(const Mesh& mesh, const Triangle& triangle, int uv_se
     if (!(std::abs(determinant) > 0.0F)) return {};
     const float sign = determinant > 0.0F ? 1.0F : -1.0F;
     // v points down in glTF's pictures: a triangle with its texture the right way round has a negative determinant.
-    return {unit_or(sign * (uv2.y * edge1 - uv1.y * edge2), Vec3(0.0F)), -sign};
+    return {normalize_or(sign * (uv2.y * edge1 - uv1.y * edge2), Vec3(0.0F)), -sign};
 }
 
 float corner_angle(const Mesh& mesh, const Triangle& triangle, size_t corner) {
     const Vec3 origin = mesh.positions[triangle[corner]];
-    const Vec3 a = unit_or(mesh.positions[triangle[(corner + 1) % 3]] - origin, Vec3(0.0F));
-    const Vec3 b = unit_or(mesh.positions[triangle[(corner + 2) % 3]] - origin, Vec3(0.0F));
+    const Vec3 a = normalize_or(mesh.positions[triangle[(corner + 1) % 3]] - origin, Vec3(0.0F));
+    const Vec3 b = normalize_or(mesh.positions[triangle[(corner + 2) % 3]] - origin, Vec3(0.0F));
     return std::acos(glm::clamp(glm::dot(a, b), -1.0F, 1.0F));
 }
 
@@ -97,21 +90,27 @@ std::vector<float> split_by_handedness(Mesh& mesh, int uv_set, const glm::mat2& 
 std::vector<Vec3> average_normals(const Mesh& mesh) {
     std::vector<Vec3> sums(mesh.positions.size(), Vec3(0.0F));
     for (const Triangle& triangle : mesh.triangles) {
-        const Vec3 normal = unit_or(scaled_face_normal(mesh, triangle), Vec3(0.0F));
+        const Vec3 normal = normalize_or(scaled_face_normal(mesh, triangle), Vec3(0.0F));
         for (size_t corner = 0; corner < 3; ++corner) {
             sums[triangle[corner]] += normal * corner_angle(mesh, triangle, corner);
         }
     }
-    for (Vec3& sum : sums) sum = unit_or(sum, Vec3(0.0F, 0.0F, 1.0F));
+    for (Vec3& sum : sums) sum = normalize_or(sum, Vec3(0.0F, 0.0F, 1.0F));
     return sums;
 }
 
 }  // namespace
 
+Vec3 normalize_or(const Vec3& v, const Vec3& fallback) {
+    const float largest = glm::max(glm::abs(v.x), glm::max(glm::abs(v.y), glm::abs(v.z)));
+    if (!(largest > 0.0F) || !std::isfinite(largest)) return fallback;
+    return glm::normalize(v / largest);
+}
+
 size_t normalize_normals(Mesh& mesh) {
     std::vector<uint32_t> missing;
     for (size_t i = 0; i < mesh.normals.size(); ++i) {
-        mesh.normals[i] = unit_or(mesh.normals[i], Vec3(0.0F));
+        mesh.normals[i] = normalize_or(mesh.normals[i], Vec3(0.0F));
         if (mesh.normals[i] == Vec3(0.0F)) missing.push_back(static_cast<uint32_t>(i));
     }
     if (missing.empty()) return 0;
@@ -119,7 +118,7 @@ size_t normalize_normals(Mesh& mesh) {
     for (const Triangle& triangle : mesh.triangles) {
         for (const uint32_t vertex : triangle) sums[vertex] += scaled_face_normal(mesh, triangle);
     }
-    for (const uint32_t vertex : missing) mesh.normals[vertex] = unit_or(sums[vertex], Vec3(0.0F, 0.0F, 1.0F));
+    for (const uint32_t vertex : missing) mesh.normals[vertex] = normalize_or(sums[vertex], Vec3(0.0F, 0.0F, 1.0F));
     return missing.size();
 }
 
@@ -132,13 +131,13 @@ void compute_tangents(Mesh& mesh, int uv_set, const glm::mat2& uv_matrix) {
         const Vec3 tangent = texture_frame(mesh, triangle, uv_set, uv_matrix).tangent;
         for (size_t corner = 0; corner < 3; ++corner) {
             const Vec3 normal = normals[triangle[corner]];
-            const Vec3 projected = unit_or(tangent - normal * glm::dot(normal, tangent), Vec3(0.0F));
+            const Vec3 projected = normalize_or(tangent - normal * glm::dot(normal, tangent), Vec3(0.0F));
             sums[triangle[corner]] += projected * corner_angle(mesh, triangle, corner);
         }
     }
     mesh.tangents.resize(mesh.positions.size());
     for (size_t i = 0; i < sums.size(); ++i) {
-        mesh.tangents[i] = Vec4(unit_or(sums[i], any_orthogonal(normals[i])), handedness[i] < 0.0F ? -1.0F : 1.0F);
+        mesh.tangents[i] = Vec4(normalize_or(sums[i], any_orthogonal(normals[i])), handedness[i] < 0.0F ? -1.0F : 1.0F);
     }
 }
 

@@ -5,6 +5,9 @@
 
 namespace nephroid {
 
+/// The direction of v, or `fallback` where it has none; right also where the squared length is not a float.
+Vec3 normalize_or(const Vec3& v, const Vec3& fallback);
+
 /// Makes all normals unit length; those of length zero become the average direction of the adjacent triangles (weighted
 /// by area). Returns how many had no direction.
 size_t normalize_normals(Mesh& mesh);

@@ -2,9 +2,9 @@
 // surface, without any constant that depends on the scene's size.
 #pragma once
 
-#include <cmath>
 #include <limits>
 
+#include "core/simd.h"
 #include "core/vec.h"
 
 namespace nephroid {
@@ -15,21 +15,25 @@ constexpr float rounding_bound(int n) {
     return static_cast<float>(n) * half_ulp / (1.0F - static_cast<float>(n) * half_ulp);
 }
 
-/// The next representable value after x in the direction of the sign of `towards`.
-inline float nudge(float x, float towards) {
-    if (towards == 0.0F || !std::isfinite(x)) return x;
-    return std::nextafter(x, towards > 0.0F ? std::numeric_limits<float>::infinity()
-                                            : -std::numeric_limits<float>::infinity());
+/// x moved by at least one unit in the last place in the direction of the sign of `towards`.
+template <class F>
+F nudge(const F& x, const F& towards) {
+    constexpr float ulp = std::numeric_limits<float>::epsilon();
+    const F step = absolute(x) * F(ulp) + F(std::numeric_limits<float>::min());
+    return x + select(towards < F(0.0F), -step, step);
 }
 
 /// Origin of a ray that leaves point p, known up to +-error per coordinate, of a surface with unit normal n on the side
 /// of `direction`: outside the slab that the error box spans about the surface (Pharr et al. 2023, Sec. 6.8.6).
-inline Vec3 offset_ray_origin(const Vec3& p, const Vec3& error, const Vec3& n, const Vec3& direction) {
-    const float slab = glm::dot(glm::abs(n), error);
-    const float side = glm::dot(n, direction) < 0.0F ? -1.0F : 1.0F;
-    const Vec3 offset = n * (side * slab);
-    const Vec3 origin = p + offset;
+template <class F>
+Triple<F> offset_ray_origin(const Triple<F>& p, const Triple<F>& error, const Triple<F>& n, const Triple<F>& direction) {
+    const F slab = absolute(n.x) * error.x + absolute(n.y) * error.y + absolute(n.z) * error.z;
+    const Triple<F> offset = n * select(dot(n, direction) < F(0.0F), -slab, slab);
+    const Triple<F> origin = p + offset;
     return {nudge(origin.x, offset.x), nudge(origin.y, offset.y), nudge(origin.z, offset.z)};
+}
+inline Vec3 offset_ray_origin(const Vec3& p, const Vec3& error, const Vec3& n, const Vec3& direction) {
+    return to_vec3(offset_ray_origin(to_triple(p), to_triple(error), to_triple(n), to_triple(direction)));
 }
 
 }  // namespace nephroid

@@ -1,5 +1,7 @@
 #include "core/scene.h"
 
+#include "core/mesh_attributes.h"
+
 namespace nephroid {
 
 namespace {
@@ -17,9 +19,9 @@ void move_to_world(Mesh& mesh, const Mat4& to_world) {
     const Mat3 normal_matrix = glm::transpose(glm::inverse(linear));
     const bool mirrored = glm::determinant(linear) < 0.0F;
     for (Vec3& position : mesh.positions) position = Vec3(to_world * Vec4(position, 1.0F));
-    for (Vec3& normal : mesh.normals) normal = glm::normalize(normal_matrix * normal);
+    for (Vec3& normal : mesh.normals) normal = normalize_or(normal_matrix * normal, normal);
     for (Vec4& tangent : mesh.tangents) {
-        tangent = Vec4(glm::normalize(linear * Vec3(tangent)), mirrored ? -tangent.w : tangent.w);
+        tangent = Vec4(normalize_or(linear * Vec3(tangent), Vec3(tangent)), mirrored ? -tangent.w : tangent.w);
     }
     if (!mirrored) return;
     // A reflection turns the order of corners round; turning it back keeps the front side in front.
@@ -64,10 +66,18 @@ size_t Scene::triangle_count() const {
 }
 
 Bounds world_bounds(const Scene& scene) {
+    std::vector<Bounds> mesh_bounds(scene.meshes.size());
+    for (size_t i = 0; i < scene.meshes.size(); ++i) {
+        for (const Vec3& position : scene.meshes[i].positions) mesh_bounds[i].extend(position);
+    }
     Bounds bounds;
     for (const Object& object : scene.objects) {
-        for (const Vec3& position : scene.meshes[static_cast<size_t>(object.mesh)].positions) {
-            bounds.extend(Vec3(object.to_world * Vec4(position, 1.0F)));
+        const Bounds& box = mesh_bounds[static_cast<size_t>(object.mesh)];
+        if (box.empty()) continue;
+        for (int corner = 0; corner < 8; ++corner) {
+            const Vec3 point((corner & 1) != 0 ? box.max.x : box.min.x, (corner & 2) != 0 ? box.max.y : box.min.y,
+                             (corner & 4) != 0 ? box.max.z : box.min.z);
+            bounds.extend(Vec3(object.to_world * Vec4(point, 1.0F)));
         }
     }
     return bounds;

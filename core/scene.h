@@ -34,7 +34,8 @@ struct Scene {
     size_t triangle_count() const;  ///< Sum over objects: instances count each time.
 };
 
-/// Axis-aligned bounds of all objects in world space; empty (min > max) without geometry.
+/// Axis-aligned bounds of all objects in world space; empty (min > max) without geometry. Exact for flattened meshes,
+/// the bounds of their transformed boxes for others.
 struct Bounds {
     Vec3 min{1e30F};
     Vec3 max{-1e30F};

@@ -32,6 +32,13 @@ inline FloatV select(const FloatV::mask_type& condition, FloatV yes, FloatV no) 
     return yes;
 }
 
+inline double select(bool condition, double yes, double no) {
+    return condition ? yes : no;
+}
+inline double square_root(double x) {
+    return std::sqrt(x);
+}
+
 inline bool any_of(bool condition) {
     return condition;
 }
@@ -114,6 +121,18 @@ inline Vec3 to_vec3(const Triple<float>& v) {
     return {v.x, v.y, v.z};
 }
 
+template <class F>
+Triple<F> absolute(const Triple<F>& v) {
+    return {absolute(v.x), absolute(v.y), absolute(v.z)};
+}
+template <class F>
+Triple<F> maximum(const Triple<F>& a, const Triple<F>& b) {
+    return {maximum(a.x, b.x), maximum(a.y, b.y), maximum(a.z, b.z)};
+}
+template <class F>
+Triple<F> cross(const Triple<F>& a, const Triple<F>& b) {
+    return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
 template <class F>
 F dot(const Triple<F>& a, const Triple<F>& b) {
     return a.x * b.x + a.y * b.y + a.z * b.z;

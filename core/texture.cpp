@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <cstddef>
 
 namespace nephroid {
 
@@ -58,43 +59,67 @@ int find_nearest(float t, int size, WrapMode mode) {
     return glm::min(static_cast<int>(wrap_coordinate(t, mode) * static_cast<float>(size)), size - 1);
 }
 
-/// Missing channels are 0, missing alpha is 1.
-Vec4 load_bytes(const uint8_t* texel, int channels, const ByteTable& table) {
-    if (channels == 4) return {table[texel[0]], table[texel[1]], table[texel[2]], linear_table[texel[3]]};
-    if (channels == 3) return {table[texel[0]], table[texel[1]], table[texel[2]], 1.0F};
-    if (channels == 2) return {table[texel[0]], table[texel[1]], 0.0F, 1.0F};
-    return {table[texel[0]], 0.0F, 0.0F, 1.0F};
+/// Texel with a number of channels that is known when compiling. Missing channels are 0, missing alpha is 1.
+template <int channels>
+Vec4 load_texel(const uint8_t* texel, const ByteTable& table) {
+    Vec4 value(0.0F, 0.0F, 0.0F, 1.0F);
+    for (int c = 0; c < channels; ++c) value[c] = c == 3 ? linear_table[texel[c]] : table[texel[c]];
+    return value;
 }
 
-Vec4 load_floats(const float* texel, int channels) {
+template <int channels>
+Vec4 load_texel(const float* texel, const ByteTable&) {
     Vec4 value(0.0F, 0.0F, 0.0F, 1.0F);
     for (int c = 0; c < channels; ++c) value[c] = texel[c];
     return value;
 }
 
-Vec4 load_texel(const Image& image, const ByteTable& table, int x, int y) {
-    const size_t offset = (static_cast<size_t>(y) * static_cast<size_t>(image.width) + static_cast<size_t>(x)) *
-                          static_cast<size_t>(image.channels);
-    if (image.storage == Image::Storage::uint8) return load_bytes(image.bytes.data() + offset, image.channels, table);
-    return load_floats(image.floats.data() + offset, image.channels);
+template <int channels, typename T>
+Vec4 sample(const T* texels, const Image& image, const TextureReference& reference, const Vec2& uv) {
+    const ByteTable& table = reference.srgb ? srgb_table : linear_table;
+    const auto row = [&](int y) { return texels + ptrdiff_t{y} * image.width * channels; };
+    if (reference.nearest) {
+        const int x = find_nearest(uv.x, image.width, reference.wrap_u);
+        const int y = find_nearest(uv.y, image.height, reference.wrap_v);
+        return load_texel<channels>(row(y) + ptrdiff_t{x} * channels, table);
+    }
+    const TexelPair x = find_texels(uv.x, image.width, reference.wrap_u);
+    const TexelPair y = find_texels(uv.y, image.height, reference.wrap_v);
+    const ptrdiff_t left = ptrdiff_t{x.first} * channels;
+    const ptrdiff_t right = ptrdiff_t{x.second} * channels;
+    const T* top = row(y.first);
+    const T* bottom = row(y.second);
+    const float bottom_right = x.weight * y.weight;
+    const float bottom_left = y.weight - bottom_right;
+    const float top_right = x.weight - bottom_right;
+    const float top_left = 1.0F - x.weight - bottom_left;
+    return load_texel<channels>(top + left, table) * top_left + load_texel<channels>(top + right, table) * top_right +
+           load_texel<channels>(bottom + left, table) * bottom_left +
+           load_texel<channels>(bottom + right, table) * bottom_right;
+}
+
+template <typename T>
+Vec4 sample_channels(const T* texels, const Image& image, const TextureReference& reference, const Vec2& uv) {
+    switch (image.channels) {
+        case 1:
+            return sample<1>(texels, image, reference, uv);
+        case 2:
+            return sample<2>(texels, image, reference, uv);
+        case 3:
+            return sample<3>(texels, image, reference, uv);
+        default:
+            return sample<4>(texels, image, reference, uv);
+    }
 }
 
 }  // namespace
 
 Vec4 sample_texture(const Image& image, const TextureReference& reference, Vec2 uv) {
-    uv = reference.uv_matrix * uv + reference.uv_offset;
-    const ByteTable& table = reference.srgb ? srgb_table : linear_table;
-    if (reference.nearest) {
-        return load_texel(image, table, find_nearest(uv.x, image.width, reference.wrap_u),
-                          find_nearest(uv.y, image.height, reference.wrap_v));
+    const Vec2 transformed = reference.uv_matrix * uv + reference.uv_offset;
+    if (image.storage == Image::Storage::uint8) {
+        return sample_channels(image.bytes.data(), image, reference, transformed);
     }
-    const TexelPair x = find_texels(uv.x, image.width, reference.wrap_u);
-    const TexelPair y = find_texels(uv.y, image.height, reference.wrap_v);
-    const Vec4 top =
-        glm::mix(load_texel(image, table, x.first, y.first), load_texel(image, table, x.second, y.first), x.weight);
-    const Vec4 bottom =
-        glm::mix(load_texel(image, table, x.first, y.second), load_texel(image, table, x.second, y.second), x.weight);
-    return glm::mix(top, bottom, y.weight);
+    return sample_channels(image.floats.data(), image, reference, transformed);
 }
 
 }  // namespace nephroid

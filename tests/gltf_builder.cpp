@@ -2,6 +2,8 @@
 
 #include <OpenImageIO/imageio.h>
 #include <doctest/doctest.h>
+#include <draco/compression/encode.h>
+#include <draco/mesh/triangle_soup_mesh_builder.h>
 #include <unistd.h>
 
 #include <fstream>
@@ -96,6 +98,71 @@ GltfBuilder triangle_builder() {
     return builder;
 }
 
+Json& first_primitive(GltfBuilder& builder) {
+    return builder.json["meshes"][0]["primitives"][0];
+}
+
+GltfBuilder textured_triangle(const Json& material, const std::vector<float>& color) {
+    GltfBuilder builder = triangle_builder();
+    const int view = builder.add_view_bytes(encode_picture("png", 1, 1, static_cast<int>(color.size()), color));
+    builder.add("images", {{"bufferView", view}, {"mimeType", "image/png"}});
+    builder.add("textures", {{"source", 0}});
+    builder.add("materials", material);
+    first_primitive(builder)["material"] = 0;
+    return builder;
+}
+
+GltfBuilder draco_builder(int size) {
+    draco::TriangleSoupMeshBuilder soup;
+    soup.Start(2 * size * size);
+    const int position = soup.AddAttribute(draco::GeometryAttribute::POSITION, 3, draco::DT_FLOAT32);
+    const int normal = soup.AddAttribute(draco::GeometryAttribute::NORMAL, 3, draco::DT_FLOAT32);
+    const int uv = soup.AddAttribute(draco::GeometryAttribute::TEX_COORD, 2, draco::DT_FLOAT32);
+    const std::array<float, 3> up = {0.0F, 0.0F, 1.0F};
+    for (int face = 0; face < 2 * size * size; ++face) {
+        const int column = face / 2 % size;
+        const int row = face / 2 / size;
+        const std::array<std::array<int, 2>, 3> corners =
+            face % 2 == 0 ? std::array<std::array<int, 2>, 3>{{{0, 0}, {1, 0}, {0, 1}}}
+                          : std::array<std::array<int, 2>, 3>{{{1, 0}, {1, 1}, {0, 1}}};
+        std::array<std::array<float, 3>, 3> points{};
+        for (size_t i = 0; i < 3; ++i) {
+            const float x = static_cast<float>(column + corners[i][0]) / static_cast<float>(size);
+            const float y = static_cast<float>(row + corners[i][1]) / static_cast<float>(size);
+            points[i] = {x, y, x * y};
+        }
+        const draco::FaceIndex index(static_cast<uint32_t>(face));
+        soup.SetAttributeValuesForFace(position, index, points[0].data(), points[1].data(), points[2].data());
+        soup.SetAttributeValuesForFace(normal, index, up.data(), up.data(), up.data());
+        soup.SetAttributeValuesForFace(uv, index, points[0].data(), points[1].data(), points[2].data());
+    }
+    const std::unique_ptr<draco::Mesh> mesh = soup.Finalize();
+    REQUIRE(mesh != nullptr);
+    draco::Encoder encoder;
+    encoder.SetAttributeQuantization(draco::GeometryAttribute::POSITION, 16);
+    encoder.SetAttributeQuantization(draco::GeometryAttribute::TEX_COORD, 12);
+    draco::EncoderBuffer encoded;
+    REQUIRE(encoder.EncodeMeshToBuffer(*mesh, &encoded).ok());
+
+    GltfBuilder builder;
+    const int view = builder.add_view(std::vector<char>(encoded.data(), encoded.data() + encoded.size()));
+    const auto add_accessor = [&](size_t count, const char* type, int component_type) {
+        return builder.add("accessors", {{"count", count}, {"type", type}, {"componentType", component_type}});
+    };
+    const int positions = add_accessor(mesh->num_points(), "VEC3", component_float);
+    const int normals = add_accessor(mesh->num_points(), "VEC3", component_float);
+    const int uvs = add_accessor(mesh->num_points(), "VEC2", component_float);
+    const int indices = add_accessor(size_t{mesh->num_faces()} * 3, "SCALAR", component_u32);
+    builder.add_mesh({{"POSITION", positions}, {"NORMAL", normals}, {"TEXCOORD_0", uvs}}, indices);
+    const auto id = [&](int attribute) { return mesh->attribute(attribute)->unique_id(); };
+    first_primitive(builder)["extensions"]["KHR_draco_mesh_compression"] = {
+        {"bufferView", view},
+        {"attributes", {{"POSITION", id(position)}, {"NORMAL", id(normal)}, {"TEXCOORD_0", id(uv)}}}};
+    builder.json["extensionsRequired"] = {"KHR_draco_mesh_compression"};
+    builder.add_node({{"mesh", 0}});
+    return builder;
+}
+
 TemporaryFolder::TemporaryFolder() {
     static int counter = 0;
     path_ = fs::temp_directory_path() / ("nephroid_test_" + std::to_string(getpid()) + "_" + std::to_string(counter++));
@@ -172,6 +239,17 @@ Bytes encode_picture(const std::string& extension, int width, int height, int ch
     REQUIRE(output->write_image(OIIO::TypeDesc::FLOAT, values.data()));
     output->close();
     return read_file(path);
+}
+
+void check_vec(const Vec3& value, const Vec3& expected, float tolerance) {
+    INFO("value " << value.x << " " << value.y << " " << value.z);
+    INFO("expected " << expected.x << " " << expected.y << " " << expected.z);
+    CHECK(glm::length(value - expected) <= tolerance);
+}
+
+void check_contains(const std::string& text, const std::string& part) {
+    INFO(text << " should contain " << part);
+    CHECK(text.find(part) != std::string::npos);
 }
 
 bool has_warning(const Scene& scene, const std::string& text) {

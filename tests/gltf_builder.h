@@ -59,6 +59,16 @@ struct GltfBuilder {
 /// One triangle (0,0,0) (1,0,0) (0,1,0) with normals +Z and uv = xy, indexed, on one node: the start of many tests.
 GltfBuilder triangle_builder();
 
+/// The first primitive of the first mesh.
+Json& first_primitive(GltfBuilder& builder);
+
+/// triangle_builder() with the material, whose textures may use texture 0: a 1 x 1 PNG of the colour.
+GltfBuilder textured_triangle(const Json& material, const std::vector<float>& color = {1.0F, 0.5F, 0.0F});
+
+/// A grid of `size` x `size` quads in the unit square with KHR_draco_mesh_compression, heights x * y, normals +Z, uv =
+/// xy.
+GltfBuilder draco_builder(int size);
+
 /// A temporary folder that is removed at the end.
 class TemporaryFolder {
   public:
@@ -87,6 +97,10 @@ std::string load_error(const std::string& path);
 /// A picture file encoded by OpenImageIO: "png", "jpeg", "exr" or "hdr".
 Bytes encode_picture(const std::string& extension, int width, int height, int channels,
                      const std::vector<float>& values, bool sixteen_bit = false);
+
+/// doctest checks with the values in the message.
+void check_vec(const Vec3& value, const Vec3& expected, float tolerance = 1e-5F);
+void check_contains(const std::string& text, const std::string& part);
 
 /// Whether a warning contains the text.
 bool has_warning(const Scene& scene, const std::string& text);

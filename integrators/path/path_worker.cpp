@@ -1,11 +1,16 @@
 #include "integrators/path/path_worker.h"
 
 #include <algorithm>
-#include <cmath>
+#include <array>
 
+#include "core/delta_light.h"
 #include "core/rounding.h"
 #include "integrators/mis.h"
 #include "integrators/path/path_integrator.h"
+
+// The vector kernels are templates of many small functions: called instead of inlined, they would pass their vectors
+// through memory, so the stages that use them are flattened.
+#define NEPHROID_FLATTEN [[gnu::flatten]]
 
 namespace nephroid {
 
@@ -34,6 +39,11 @@ UintV gather(const AlignedArray<uint32_t>& values, const AlignedArray<uint32_t>&
     return UintV([&](auto lane) { return values[slots[i + lane]]; });
 }
 
+template <size_t N>
+void store_lanes(float (&lanes)[N][simd_width], const std::array<FloatV, N>& values) {
+    for (size_t i = 0; i < N; ++i) values[i].copy_to(lanes[i], stdx::vector_aligned);
+}
+
 }  // namespace
 
 std::unique_ptr<IntegratorWorker> PathIntegrator::make_worker() const {
@@ -54,11 +64,15 @@ void PathWorker::render(const SampleBlock& block, SampleBuffer& samples) {
 
     start_paths(block);
     for (uint32_t bounce = 0; paths_.rays.count > 0; ++bounce) {
-        trace();
+        trace(bounce);
         collect_vertices(bounce, samples);
         if (bounce == context_.max_depth || vertices_.count == 0) break;
         if (!context_.lights.empty()) {
-            sample_lights(bounce);
+            if (const PunctualLight* light = context_.lights.single_delta_light()) {
+                sample_single_light(*light);
+            } else {
+                sample_lights(bounce);
+            }
             weigh_lights();
             push_shadow_rays();
             add_unoccluded(samples);
@@ -70,7 +84,7 @@ void PathWorker::render(const SampleBlock& block, SampleBuffer& samples) {
 }
 
 // Camera rays, with the film position jittered over the pixel (box filter).
-void PathWorker::start_paths(const SampleBlock& block) {
+NEPHROID_FLATTEN void PathWorker::start_paths(const SampleBlock& block) {
     const size_t slots = block.slot_count();
     AlignedArray<float>& film_x = paths_.pdf;  // Borrowed until the loop below writes the densities.
     AlignedArray<float>& film_y = paths_.rays.t_max;
@@ -109,63 +123,92 @@ void PathWorker::start_paths(const SampleBlock& block) {
     }
 }
 
-void PathWorker::trace() {
+void PathWorker::trace(uint32_t bounce) {
     rays_ += paths_.rays.count;
-    context_.accelerator.intersect(paths_.rays, true, hits_);
+    context_.accelerator.intersect(paths_.rays, bounce == 0, hits_);
 }
 
-// Adds what hit lights emit and gathers the surface points that scatter.
+// Adds what hit lights emit and finds the surface points that scatter.
 void PathWorker::collect_vertices(uint32_t bounce, SampleBuffer& samples) {
     const Surfaces& surfaces = context_.surfaces;
     const bool last = bounce == context_.max_depth;
     vertices_.count = 0;
+    special_vertices_.clear();
     for (size_t i = 0; i < paths_.rays.count; ++i) {
         const uint32_t object = hits_.object[i];
         if (object == no_hit) {
             add_escaped(i, samples);
-            continue;
-        }
-        if (object >= surfaces.object_count()) {
+        } else if (object >= surfaces.object_count()) {
             add_sphere_light(i, object - static_cast<uint32_t>(surfaces.object_count()), samples);
-            continue;
+        } else if (!last || surfaces.emits(object)) {
+            push_vertex(i);
         }
-        if (last && !surfaces.emits(object)) continue;
-        const Vec3 wo = -paths_.rays.direction(i);
-        const SurfaceInteraction surface = surfaces.interact(object, hits_.primitive[i], hits_.u[i], hits_.v[i], wo);
-        if (surfaces.emits(object)) {
-            hits_.object[i] = object;
-            add_surface_emission(i, surface, samples);
-        }
-        if (bounce == 0) {
-            const size_t slot = paths_.slot[i];
-            const AovSelection& aovs = context_.aovs;
-            if (aovs.depth) samples.depth[slot] = hits_.t[i];
-            for (int c = 0; c < 3; ++c) {
-                if (aovs.normal) samples.normal[c][slot] = surface.shading_normal[c];
-                if (aovs.albedo) samples.albedo[c][slot] = to_vec3(surface.bsdf.base)[c];
-            }
-        }
-        if (!last) push_vertex(i, surface);
+    }
+    interpolate_vertices();
+    for (const uint32_t k : special_vertices_) {
+        const size_t i = vertices_.path[k];
+        const SurfaceInteraction surface =
+            surfaces.interact(hits_.object[i], hits_.primitive[i], hits_.u[i], hits_.v[i], -paths_.rays.direction(i));
+        if (surfaces.emits(hits_.object[i])) add_surface_emission(i, surface, samples);
+        set_surface(k, surface);
+    }
+    if (bounce == 0) record_first_hits(samples);
+}
+
+void PathWorker::push_vertex(size_t path) {
+    const size_t k = vertices_.count++;
+    const uint32_t object = hits_.object[path];
+    vertices_.path[k] = static_cast<uint32_t>(path);
+    vertices_.wo.set(k, -paths_.rays.direction(path));
+    vertices_.throughput.copy(k, paths_.throughput, path);
+    vertices_.slot[k] = paths_.slot[path];
+    const uint32_t seen = paths_.flags[path] & receiver_seen;
+    const bool caster = context_.surfaces.is_caster(object);
+    vertices_.flags[k] = caster ? (seen != 0 ? receiver_seen | on_caster_chain : 0U) : uint32_t{receiver_seen};
+    if (!context_.surfaces.is_plain(object)) {
+        special_vertices_.push_back(static_cast<uint32_t>(k));
+        return;
+    }
+    vertices_.set_corners(k, context_.surfaces.corners(object, hits_.primitive[path]));
+    vertices_.u[k] = hits_.u[path];
+    vertices_.v[k] = hits_.v[path];
+    vertices_.set_bsdf(k, context_.surfaces.constant_bsdf(object));
+}
+
+// Position and normals of the plain vertices; the special ones get theirs afterwards.
+NEPHROID_FLATTEN void PathWorker::interpolate_vertices() {
+    if (special_vertices_.size() == vertices_.count) return;
+    for (size_t i = 0; i < vertices_.count; i += simd_width) {
+        const SurfaceGeometry<FloatV> g =
+            interpolate_surface(vertices_.corners(i), load(vertices_.u, i), load(vertices_.v, i), vertices_.wo.load(i));
+        vertices_.position.store(i, g.position);
+        vertices_.error.store(i, g.error);
+        vertices_.geometric_normal.store(i, g.geometric_normal);
+        vertices_.shading_normal.store(i, face_forward(g.shading_normal, g.geometric_normal));
     }
 }
 
-void PathWorker::push_vertex(size_t path, const SurfaceInteraction& surface) {
-    const size_t k = vertices_.count++;
-    vertices_.position.set(k, surface.position);
-    vertices_.error.set(k, surface.error);
-    vertices_.geometric_normal.set(k, surface.geometric_normal);
-    vertices_.shading_normal.set(k, surface.shading_normal);
-    vertices_.wo.set(k, -paths_.rays.direction(path));
-    vertices_.throughput.copy(k, paths_.throughput, path);
-    vertices_.base.set(k, to_vec3(surface.bsdf.base));
-    vertices_.coat_f0.set(k, to_vec3(surface.bsdf.coat_f0));
-    vertices_.coat_f90[k] = surface.bsdf.coat_f90;
-    vertices_.metallic[k] = surface.bsdf.metallic;
-    vertices_.alpha[k] = surface.bsdf.alpha;
-    vertices_.slot[k] = paths_.slot[path];
-    const uint32_t seen = paths_.flags[path] & receiver_seen;
-    const bool caster = context_.surfaces.is_caster(hits_.object[path]);
-    vertices_.flags[k] = caster ? (seen != 0 ? receiver_seen | on_caster_chain : 0U) : uint32_t{receiver_seen};
+void PathWorker::set_surface(size_t vertex, const SurfaceInteraction& surface) {
+    vertices_.position.set(vertex, surface.position);
+    vertices_.error.set(vertex, surface.error);
+    vertices_.geometric_normal.set(vertex, surface.geometric_normal);
+    vertices_.shading_normal.set(vertex, surface.shading_normal);
+    vertices_.set_bsdf(vertex, surface.bsdf);
+}
+
+void PathWorker::record_first_hits(SampleBuffer& samples) const {
+    const AovSelection& aovs = context_.aovs;
+    if (!aovs.depth && !aovs.normal && !aovs.albedo) return;
+    for (size_t k = 0; k < vertices_.count; ++k) {
+        const size_t slot = vertices_.slot[k];
+        samples.depth[slot] = hits_.t[vertices_.path[k]];
+        const Vec3 normal = vertices_.shading_normal.get(k);
+        const Rgb albedo = vertices_.base.get(k);
+        for (int c = 0; c < 3; ++c) {
+            samples.normal[c][slot] = normal[c];
+            samples.albedo[c][slot] = albedo[c];
+        }
+    }
 }
 
 void PathWorker::add_escaped(size_t path, SampleBuffer& samples) {
@@ -246,8 +289,25 @@ void PathWorker::sample_lights(uint32_t bounce) {
     }
 }
 
+// The same for a scene whose only light is a delta light: no choice to make, and a vector at a time.
+NEPHROID_FLATTEN void PathWorker::sample_single_light(const PunctualLight& light) {
+    const uint32_t infinite = light.kind == LightKind::directional ? 1 : 0;
+    for (size_t i = 0; i < vertices_.count; i += simd_width) {
+        const DeltaLightSample<FloatV> sample = sample_delta_light(light, vertices_.position.load(i));
+        lights_.wi.store(i, sample.wi);
+        lights_.radiance.store(i, sample.irradiance);
+        lights_.target.store(i, {FloatV(light.position.x), FloatV(light.position.y), FloatV(light.position.z)});
+        FloatV(1.0F).copy_to(&lights_.pdf[i], stdx::vector_aligned);
+        FloatV(0.0F).copy_to(&lights_.bsdf_competes[i], stdx::vector_aligned);
+        UintV(infinite).copy_to(&lights_.infinite[i], stdx::vector_aligned);
+    }
+    for (size_t k = 0; k < vertices_.count; ++k) {
+        lights_.caustic[k] = (vertices_.flags[k] & on_caster_chain) != 0 ? 1 : 0;
+    }
+}
+
 // radiance <- throughput * f * cos * radiance * MIS weight / pdf.
-void PathWorker::weigh_lights() {
+NEPHROID_FLATTEN void PathWorker::weigh_lights() {
     const FloatV zero(0.0F);
     for (size_t i = 0; i < vertices_.count; i += simd_width) {
         const Frame<FloatV> frame = make_frame(vertices_.shading_normal.load(i));
@@ -264,24 +324,39 @@ void PathWorker::weigh_lights() {
     }
 }
 
-void PathWorker::push_shadow_rays() {
-    shadows_.rays.count = 0;
-    for (size_t k = 0; k < vertices_.count; ++k) {
-        const Rgb contribution = lights_.radiance.get(k);
-        if (contribution == Rgb(0.0F)) continue;
-        const size_t s = shadows_.rays.count;
-        const Vec3 wi = lights_.wi.get(k);
-        const Vec3 origin = offset_ray_origin(vertices_.position.get(k), vertices_.error.get(k),
-                                              vertices_.geometric_normal.get(k), wi);
-        if (lights_.infinite[k] != 0) {
-            shadows_.rays.push(origin, wi);
-        } else {
-            shadows_.rays.push(origin, lights_.target.get(k) - origin, segment_end);
+// Shadow rays of the vertices that a light reaches. The compaction writes every lane and advances only past those that
+// count: a branch would be mispredicted at every other vertex.
+NEPHROID_FLATTEN void PathWorker::push_shadow_rays() {
+    RayBatch& rays = shadows_.rays;
+    alignas(simd_alignment) float lanes[7][simd_width];
+    size_t next = 0;
+    for (size_t first = 0; first < vertices_.count; first += simd_width) {
+        const Triple<FloatV> wi = lights_.wi.load(first);
+        const Triple<FloatV> origin = offset_ray_origin(vertices_.position.load(first), vertices_.error.load(first),
+                                                        vertices_.geometric_normal.load(first), wi);
+        const Triple<FloatV> segment = lights_.target.load(first) - origin;
+        const UintV infinite(&lights_.infinite[first], stdx::vector_aligned);
+        const auto endless = stdx::static_simd_cast<FloatV>(infinite) > FloatV(0.0F);
+        const Triple<FloatV> direction = select<FloatV>(endless, wi, segment);
+        const FloatV end = select(endless, FloatV(std::numeric_limits<float>::infinity()), FloatV(segment_end));
+        store_lanes(lanes, {origin.x, origin.y, origin.z, direction.x, direction.y, direction.z, end});
+        for (size_t k = first; k < std::min(first + simd_width, vertices_.count); ++k) {
+            const size_t lane = k - first;
+            rays.origin_x[next] = lanes[0][lane];
+            rays.origin_y[next] = lanes[1][lane];
+            rays.origin_z[next] = lanes[2][lane];
+            rays.direction_x[next] = lanes[3][lane];
+            rays.direction_y[next] = lanes[4][lane];
+            rays.direction_z[next] = lanes[5][lane];
+            rays.t_max[next] = lanes[6][lane];
+            const Rgb contribution = lights_.radiance.get(k);
+            shadows_.contribution.set(next, contribution);
+            shadows_.slot[next] = vertices_.slot[k];
+            shadows_.caustic[next] = lights_.caustic[k];
+            next += contribution != Rgb(0.0F) ? 1 : 0;
         }
-        shadows_.contribution.set(s, contribution);
-        shadows_.slot[s] = vertices_.slot[k];
-        shadows_.caustic[s] = lights_.caustic[k];
     }
+    rays.count = next;
 }
 
 void PathWorker::add_unoccluded(SampleBuffer& samples) {
@@ -298,14 +373,12 @@ void PathWorker::add_unoccluded(SampleBuffer& samples) {
     }
 }
 
-// Samples the BSDF at every vertex; the survivors become the next wave.
-void PathWorker::scatter(uint32_t bounce) {
+// Samples the BSDF at every vertex; the survivors become the next wave (compaction as for shadow rays).
+NEPHROID_FLATTEN void PathWorker::scatter(uint32_t bounce) {
     const FloatV zero(0.0F);
-    alignas(simd_alignment) float direction[3][simd_width];
-    alignas(simd_alignment) float throughput[3][simd_width];
-    alignas(simd_alignment) float pdf[simd_width];
-    alignas(simd_alignment) float alive[simd_width];
-    paths_.rays.count = 0;
+    RayBatch& rays = paths_.rays;
+    alignas(simd_alignment) float lanes[11][simd_width];
+    size_t next = 0;
     for (size_t first = 0; first < vertices_.count; first += simd_width) {
         const UintV seed = gather(seeds_, vertices_.slot, first);
         const UintV index = gather(indices_, vertices_.slot, first);
@@ -321,31 +394,30 @@ void PathWorker::scatter(uint32_t bounce) {
                                     ? minimum(FloatV(1.0F), maximum(FloatV(0.05F), max_component(weight)))
                                     : FloatV(1.0F);
         weight = weight * (FloatV(1.0F) / survival);
-        const auto lives = (u_roulette < survival) && (max_component(weight) > zero) &&
-                           (dot(vertices_.geometric_normal.load(first), wi) > zero);
-        wi.x.copy_to(direction[0], stdx::vector_aligned);
-        wi.y.copy_to(direction[1], stdx::vector_aligned);
-        wi.z.copy_to(direction[2], stdx::vector_aligned);
-        weight.x.copy_to(throughput[0], stdx::vector_aligned);
-        weight.y.copy_to(throughput[1], stdx::vector_aligned);
-        weight.z.copy_to(throughput[2], stdx::vector_aligned);
-        select(sample.delta, zero, sample.pdf).copy_to(pdf, stdx::vector_aligned);
-        select(lives, FloatV(1.0F), zero).copy_to(alive, stdx::vector_aligned);
+        const Triple<FloatV> normal = vertices_.geometric_normal.load(first);
+        const auto lives = (u_roulette < survival) && (max_component(weight) > zero) && (dot(normal, wi) > zero);
+        const Triple<FloatV> origin =
+            offset_ray_origin(vertices_.position.load(first), vertices_.error.load(first), normal, wi);
+        store_lanes(lanes, {origin.x, origin.y, origin.z, wi.x, wi.y, wi.z, weight.x, weight.y, weight.z,
+                            select(sample.delta, zero, sample.pdf), select(lives, FloatV(1.0F), zero)});
 
         for (size_t k = first; k < std::min(first + simd_width, vertices_.count); ++k) {
             const size_t lane = k - first;
-            if (alive[lane] == 0.0F) continue;
-            const size_t next = paths_.rays.count;
-            const Vec3 wi_lane(direction[0][lane], direction[1][lane], direction[2][lane]);
-            paths_.throughput.set(next, {throughput[0][lane], throughput[1][lane], throughput[2][lane]});
-            paths_.pdf[next] = pdf[lane];
+            rays.origin_x[next] = lanes[0][lane];
+            rays.origin_y[next] = lanes[1][lane];
+            rays.origin_z[next] = lanes[2][lane];
+            rays.direction_x[next] = lanes[3][lane];
+            rays.direction_y[next] = lanes[4][lane];
+            rays.direction_z[next] = lanes[5][lane];
+            rays.t_max[next] = std::numeric_limits<float>::infinity();
+            paths_.throughput.set(next, {lanes[6][lane], lanes[7][lane], lanes[8][lane]});
+            paths_.pdf[next] = lanes[9][lane];
             paths_.slot[next] = vertices_.slot[k];
             paths_.flags[next] = vertices_.flags[k];
-            paths_.rays.push(offset_ray_origin(vertices_.position.get(k), vertices_.error.get(k),
-                                               vertices_.geometric_normal.get(k), wi_lane),
-                             wi_lane);
+            next += lanes[10][lane] != 0.0F ? 1 : 0;
         }
     }
+    rays.count = next;
 }
 
 }  // namespace nephroid

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "accel/ray_batch.h"
+#include "accel/surface_geometry.h"
 #include "core/bsdf.h"
 #include "core/film.h"
 #include "core/simd.h"
@@ -55,15 +56,37 @@ struct PathWave {
 /// Surface points that paths have reached and will scatter from.
 struct VertexWave {
     explicit VertexWave(size_t capacity)
-        : position(capacity), error(capacity), geometric_normal(capacity), shading_normal(capacity), wo(capacity),
+        : p0(capacity), p1(capacity), p2(capacity), n0(capacity), n1(capacity), n2(capacity), u(capacity), v(capacity),
+          path(capacity), position(capacity), error(capacity), geometric_normal(capacity), shading_normal(capacity), wo(capacity),
           throughput(capacity), base(capacity), coat_f0(capacity), coat_f90(capacity), metallic(capacity),
           alpha(capacity), slot(capacity), flags(capacity) {}
     size_t count = 0;
+    TripleArray p0, p1, p2, n0, n1, n2;  ///< Corners and vertex normals of the triangle that was hit.
+    AlignedArray<float> u, v;            ///< Barycentric weights of corners 1 and 2.
+    AlignedArray<uint32_t> path;         ///< Index of the path in the PathWave it came from.
     TripleArray position, error, geometric_normal, shading_normal, wo, throughput;
     TripleArray base, coat_f0;
     AlignedArray<float> coat_f90, metallic, alpha;
     AlignedArray<uint32_t> slot, flags;
 
+    TriangleCorners<FloatV> corners(size_t i) const {
+        return {p0.load(i), p1.load(i), p2.load(i), n0.load(i), n1.load(i), n2.load(i)};
+    }
+    void set_corners(size_t i, const TriangleCorners<float>& c) {
+        p0.set(i, to_vec3(c.p0));
+        p1.set(i, to_vec3(c.p1));
+        p2.set(i, to_vec3(c.p2));
+        n0.set(i, to_vec3(c.n0));
+        n1.set(i, to_vec3(c.n1));
+        n2.set(i, to_vec3(c.n2));
+    }
+    void set_bsdf(size_t i, const BsdfParameters<float>& p) {
+        base.set(i, to_vec3(p.base));
+        coat_f0.set(i, to_vec3(p.coat_f0));
+        coat_f90[i] = p.coat_f90;
+        metallic[i] = p.metallic;
+        alpha[i] = p.alpha;
+    }
     BsdfParameters<FloatV> bsdf(size_t i) const {
         return {base.load(i), coat_f0.load(i), FloatV(&coat_f90[i], stdx::vector_aligned),
                 FloatV(&metallic[i], stdx::vector_aligned), FloatV(&alpha[i], stdx::vector_aligned)};

@@ -97,13 +97,19 @@ def mitsuba_pictures(job: Job, scene: scenes.ComparisonScene, seeds) -> numpy.nd
     cached = os.path.join(job.work, "cache", f"{scene.name}-{cache_key(job, scene, seeds)}.npy")
     if os.path.exists(cached):
         return numpy.load(cached)
+    import drjit
     import mitsuba as mi
     import convert
     environment = os.path.join(job.work, scenes.ENVIRONMENT) if scene.environment else None
     loaded = convert.load_scene(scene_file(job, scene), WIDTH, HEIGHT, "exact", environment)
     integrator = convert.path_integrator(scene.max_depth)
+    # Python BSDFs hold the interpreter's lock: more threads would only fight for it. Not so when reading files, which
+    # with one thread waits forever.
+    threads = drjit.thread_count()
+    drjit.set_thread_count(1)
     pictures = numpy.array([numpy.array(mi.render(loaded, integrator=integrator, spp=scene.mitsuba_spp, seed=seed))
                             for seed in seeds], dtype=float)
+    drjit.set_thread_count(threads)
     temporary = f"{cached}.{os.getpid()}.tmp"
     with open(temporary, "wb") as file:
         numpy.save(file, pictures)
@@ -225,11 +231,9 @@ def write_side_by_side(path: str, ours: numpy.ndarray, theirs: numpy.ndarray, z:
 # ---- running
 
 def start_worker() -> None:
-    """One thread per process: Python BSDFs hold the interpreter's lock, more threads only fight for it."""
-    import drjit
+    """In each process."""
     import convert
     convert.set_up("scalar_rgb")
-    drjit.set_thread_count(1)
 
 
 def prepare(work: str, chosen) -> None:

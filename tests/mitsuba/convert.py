@@ -98,11 +98,11 @@ class Converter:
         if self.exact:
             return {"type": "gltf_spot", "position": list(position), "direction": list(direction),
                     "red": intensity[0], "green": intensity[1], "blue": intensity[2], "inner": inner, "outer": outer}
-        target = mi.ScalarPoint3f(list(position + direction))
+        origin, target = mi.ScalarPoint3f(list(position)), mi.ScalarPoint3f(list(position + direction))
         up = [1, 0, 0] if abs(direction[0]) < 0.8 else [0, 1, 0]
         return {"type": "spot", "intensity": rgb(intensity), "cutoff_angle": math.degrees(outer),
                 "beam_width": math.degrees(inner),
-                "to_world": mi.ScalarTransform4f().look_at(origin=mi.ScalarPoint3f(list(position)), target=target, up=up)}
+                "to_world": mi.ScalarTransform4f().look_at(origin=origin, target=target, up=up)}
 
     # ---- meshes
 

@@ -5,7 +5,7 @@ terms. This one is written from the formulas alone:
 
     f = metallic f_metal + (1 - metallic) f_dielectric
     f_metal      = F_m D G2 / (4 cos_i cos_o),  F_m = base + (1 - base) (1 - v.h)^5
-    f_dielectric = (1 - max(F)) base / pi + F D G2 / (4 cos_i cos_o),  F = F0 + (F90 - F0) (1 - v.h)^5
+    f_dielectric = T(cos_i) T(cos_o) / T_mean base / pi + F D G2 / (4 cos_i cos_o),  F = F0 + (F90 - F0) (1 - v.h)^5, T = 1 - max(F)
     F0 = min(((ior - 1) / (ior + 1))^2 specular_color, 1) specular,  F90 = specular
 
 with isotropic GGX D, height-correlated Smith G2, and alpha = roughness^2. Below alpha = 1e-4 the specular term is a
@@ -158,7 +158,16 @@ def specular_color(surface: Surface, cos_view_half: float):
     metal = schlick(surface.base, 1.0, cos_view_half)
     coat = schlick(surface.f0, surface.f90, cos_view_half)
     m = surface.metallic
-    return tuple(m * metal[c] + (1.0 - m) * coat[c] for c in range(3)), coat
+    return tuple(m * metal[c] + (1.0 - m) * coat[c] for c in range(3))
+
+
+def base_weight(surface: Surface, cos_light: float) -> float:
+    """What reaches the base through the coat and leaves it again, over the mean that the coat lets through."""
+    def through(cosine):
+        return 1.0 - max(schlick(surface.f0, surface.f90, cosine))
+
+    mean = 1.0 - max(f + (surface.f90 - f) / 22.0 for f in surface.f0)
+    return (1.0 - surface.metallic) * through(surface.cos_view) * through(cos_light) / max(mean, 1e-6)
 
 
 def evaluate(surface: Surface, light):
@@ -168,8 +177,8 @@ def evaluate(surface: Surface, light):
         return (0.0, 0.0, 0.0), 0.0
     half = normalize(tuple(light[c] + surface.view[c] for c in range(3)))
     cos_view_half = dot(surface.view, half)
-    specular, coat = specular_color(surface, cos_view_half)
-    diffuse = (1.0 - surface.metallic) * (1.0 - max(coat)) * INV_PI * cos_light
+    specular = specular_color(surface, cos_view_half)
+    diffuse = base_weight(surface, cos_light) * INV_PI * cos_light
     value = [diffuse * c for c in surface.base]
     probability = specular_probability(surface)
     pdf = (1.0 - probability) * cos_light * INV_PI
@@ -187,7 +196,7 @@ def specular_probability(surface: Surface) -> float:
     """How often `sample` takes the specular lobe; any value in (0, 1) is right, a good one has less noise."""
     if surface.metallic >= 1.0:
         return 1.0
-    specular, _ = specular_color(surface, surface.cos_view)
+    specular = specular_color(surface, surface.cos_view)
     reflected = max(specular)
     diffused = (1.0 - surface.metallic) * max(surface.base)
     if diffused <= 0.0:
@@ -274,7 +283,7 @@ class GltfBsdf(mi.BSDF):
         result.sampled_type = int(mi.BSDFFlags.DeltaReflection)
         if dot(direction, surface.geometric) <= 0.0:
             return result, mi.Color3f(0.0)
-        specular, _ = specular_color(surface, surface.cos_view)
+        specular = specular_color(surface, surface.cos_view)
         return result, mi.Color3f(*[component / probability for component in specular])
 
     def eval(self, ctx, si, wo, active=True):

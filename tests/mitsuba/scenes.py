@@ -15,7 +15,7 @@ from typing import Callable
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "scenes"))
 
 import cornell  # noqa: E402
-from gltf_writer import (CLAMP_TO_EDGE, MIRRORED_REPEAT, NEAREST, REPEAT, GltfBuilder, encode_png)  # noqa: E402
+from gltf_writer import (CLAMP_TO_EDGE, LINEAR, MIRRORED_REPEAT, NEAREST, REPEAT, GltfBuilder, encode_png)  # noqa: E402
 from shapes import box, floor, quad, sphere  # noqa: E402
 
 ASPECT = 4.0 / 3.0
@@ -168,14 +168,14 @@ def textures() -> GltfBuilder:
     stage(builder, (0.0, 0.0, 3.0), (0.0, 0.0, 0.0), 38.0)
     png = picture(4, 4, patchwork)
     panels = [
-        ("repeat", (-1.2, 0.05), REPEAT, REPEAT, {"offset": (0.3, -0.2), "scale": (2.0, 3.0)}, None),
-        ("mirror", (0.05, 0.05), MIRRORED_REPEAT, MIRRORED_REPEAT, {"rotation": 0.5, "scale": (2.5, 1.5)}, None),
+        ("repeat", (-1.2, 0.05), REPEAT, REPEAT, {"offset": (0.3, -0.2), "scale": (2.0, 3.0)}, LINEAR),
+        ("mirror", (0.05, 0.05), MIRRORED_REPEAT, MIRRORED_REPEAT, {"rotation": 0.5, "scale": (2.5, 1.5)}, LINEAR),
         ("clamp", (-1.2, -0.95), CLAMP_TO_EDGE, CLAMP_TO_EDGE,
-         {"offset": (-0.4, 0.3), "rotation": -0.3, "scale": (1.8, 1.4)}, None),
+         {"offset": (-0.4, 0.3), "rotation": -0.3, "scale": (1.8, 1.4)}, LINEAR),
         ("mixed", (0.05, -0.95), REPEAT, MIRRORED_REPEAT, {"offset": (0.1, 0.6), "scale": (1.7, 2.6)}, NEAREST),
     ]
     for name, corner, wrap_u, wrap_v, transform, filter_mode in panels:
-        texture = builder.add_texture(name, png, wrap_u, wrap_v, **({"filter_mode": filter_mode} if filter_mode else {}))
+        texture = builder.add_texture(name, png, wrap_u, wrap_v, filter_mode)
         material = builder.add_material(name, (1.0, 0.9, 0.8), specular=0.0,
                                         base_color_texture=builder.texture_slot(texture, **transform))
         place(builder, name, quad((*corner, 0.0), (1.15, 0, 0), (0, 0.9, 0), with_uvs=True), material)
@@ -195,7 +195,8 @@ def normal_map() -> GltfBuilder:
     builder = GltfBuilder()
     stage(builder, (0.0, 2.4, 1.6), (0.0, 0.0, 0.0), 38.0)
     texture = builder.add_texture("waves", picture(8, 8, wavy_normal), REPEAT, REPEAT)
-    coated = builder.add_material("coated", (0.5, 0.4, 0.3), roughness=0.5, normal_texture=builder.texture_slot(texture))
+    coated = builder.add_material("coated", (0.5, 0.4, 0.3), roughness=0.5,
+                                  normal_texture=builder.texture_slot(texture))
     metal = builder.add_material("metal", (0.6, 0.7, 0.9), metallic=1.0, roughness=0.6,
                                  normal_texture=builder.texture_slot(texture, normal_scale=1.3))
     panel = quad((-0.35, 0.0, 0.8), (0.7, 0.0, 0.0), (0.0, 0.0, -1.6), with_uvs=True)
@@ -204,7 +205,6 @@ def normal_map() -> GltfBuilder:
     builder.add_node("mirrored", mesh=mesh, translation=(0.75, 0.0, 0.0), scale=(-1.0, 1.0, 1.0))
     place(builder, "metal", panel, metal, rotation=turn("y", 180))
     builder.add_light("sun", "directional", 3.0, (1.0, 0.9, 0.8), position=(0, 3, 0), target=(0.9, 1.6, -0.7))
-    builder.add_light("lamp", "point", 2.0, (0.5, 0.7, 1.0), position=(-1.0, 1.2, 0.9))
     return builder
 
 
@@ -241,7 +241,6 @@ def smooth_normals() -> GltfBuilder:
     for name, material, x in [("lambert", lambert, -0.75), ("coated", coated, 0.0), ("metal", metal, 0.75)]:
         place(builder, name, sphere(0.35, 10, 6), material, translation=(x, 0.45, 0.0))
     builder.add_light("lamp", "point", 5.0, (1.0, 0.9, 0.8), position=(1.6, 1.4, 0.4))
-    builder.add_light("sun", "directional", 0.7, (0.6, 0.8, 1.0), position=(0, 3, 0), target=(1.0, 2.2, -0.4))
     return builder
 
 
@@ -264,27 +263,27 @@ def environment_seen() -> GltfBuilder:
 
 
 SCENES = [
-    ComparisonScene("lambert_point", "Lambert, point light, interreflection", lambert_point, 5, 64, 64),
+    ComparisonScene("lambert_point", "Lambert, point light, interreflection", lambert_point, 5, 256, 64),
     ComparisonScene("coat_rough_directional", "rough coat, ior, specular colour, directional light",
-                    coat_rough_directional, 3, 64, 16),
+                    coat_rough_directional, 3, 256, 16),
     ComparisonScene("coat_smooth_sphere_light", "glossy coat, sphere light seen and reflected",
-                    coat_smooth_sphere_light, 3, 64, 24),
-    ComparisonScene("metal_rough_spot", "rough coloured metal, spot light", metal_rough_spot, 4, 64, 24),
+                    coat_smooth_sphere_light, 3, 256, 24),
+    ComparisonScene("metal_rough_spot", "rough coloured metal, spot light", metal_rough_spot, 4, 256, 24),
     ComparisonScene("metal_glossy_lamps", "glossy metal, textured and double-sided emitters",
-                    metal_glossy_lamps, 4, 64, 24),
+                    metal_glossy_lamps, 4, 256, 24),
     ComparisonScene("mixed_metallic_environment", "metallic 0.5, metallic-roughness texture, environment",
-                    mixed_metallic_environment, 3, 64, 24, environment=True),
+                    mixed_metallic_environment, 3, 256, 24, environment=True),
     ComparisonScene("mirrors", "perfect mirrors: white, tinted, dielectric; emitter and point light",
-                    mirrors, 6, 64, 24),
-    ComparisonScene("textures", "wrap modes, filters, texture transforms", textures, 1, 64, 64),
-    ComparisonScene("normal_map", "normal maps: coat, metal, scale, mirrored copy", normal_map, 2, 64, 16),
-    ComparisonScene("instances", "nested, stretched and mirrored copies, mirrored emitter", instances, 4, 64, 24),
-    ComparisonScene("smooth_normals", "coarse smooth balls: Lambert, coat, metal", smooth_normals, 4, 64, 16),
+                    mirrors, 6, 256, 24),
+    ComparisonScene("textures", "wrap modes, filters, texture transforms", textures, 1, 256, 64),
+    ComparisonScene("normal_map", "normal maps: coat, metal, scale, mirrored copy", normal_map, 2, 256, 16),
+    ComparisonScene("instances", "nested, stretched and mirrored copies, mirrored emitter", instances, 4, 256, 24),
+    ComparisonScene("smooth_normals", "coarse smooth balls: Lambert, coat, metal", smooth_normals, 4, 256, 16),
     ComparisonScene("orthographic_environment", "parallel camera, environment light on Lambert",
-                    orthographic_environment, 4, 64, 64, environment=True),
+                    orthographic_environment, 4, 256, 64, environment=True),
     ComparisonScene("environment_seen", "orientation of the environment, direct and mirrored",
-                    environment_seen, 3, 64, 64, environment=True),
-    ComparisonScene("cornell", "scenes/cornell.glb: emitter, rough metal and coated blocks", cornell.build, 6, 64, 24),
+                    environment_seen, 3, 256, 64, environment=True),
+    ComparisonScene("cornell", "scenes/cornell.glb: emitter, rough metal and coated blocks", cornell.build, 6, 256, 24),
 ]
 
 
@@ -297,7 +296,8 @@ def environment_radiance(u: float, v: float) -> tuple:
     sun = (0.5, 0.7, 0.51)
     toward_sun = sum(direction[c] * sun[c] for c in range(3))
     glow = 12.0 * math.exp(25.0 * (toward_sun - 1.0))
-    return (0.25 + 0.2 * direction[0] + glow, 0.3 + 0.2 * direction[1] + 0.8 * glow, 0.35 + 0.25 * direction[2] + 0.5 * glow)
+    return (0.25 + 0.2 * direction[0] + glow, 0.3 + 0.2 * direction[1] + 0.8 * glow,
+            0.35 + 0.25 * direction[2] + 0.5 * glow)
 
 
 def write_environment(path: str, width: int = 256, height: int = 128) -> None:
