@@ -12,9 +12,11 @@ namespace nephroid {
 /// Widest packet that Embree traces at once; batches are padded to a multiple of it.
 inline constexpr size_t packet_width = 16;
 
+/// Capacity for n entries that are read in packets and appended to in whole vectors.
 inline constexpr size_t padded_to_packets(size_t n) {
-    return (n + packet_width - 1) / packet_width * packet_width;
+    return (n + packet_width - 1) / packet_width * packet_width + packet_width;
 }
+static_assert(simd_width <= packet_width);
 
 /// `count` rays; the arrays hold padded_to_packets(capacity) entries. Directions need not be unit for shadow rays:
 /// a segment from origin to origin + direction has t_max just below 1.

@@ -66,9 +66,62 @@ TriangleCorners<float> Surfaces::corners_of(const Record& record, const Triangle
     return corners;
 }
 
-TriangleCorners<float> Surfaces::corners(uint32_t object, uint32_t primitive) const {
-    const Record& record = records_[object];
-    return corners_of(record, record.triangles[primitive]);
+namespace {
+
+/// where(active): to = from, for the parts of a structure.
+void assign(const FloatV::mask_type& active, FloatV& to, const FloatV& from) {
+    stdx::where(active, to) = from;
+}
+void assign(const FloatV::mask_type& active, Triple<FloatV>& to, const Triple<float>& from) {
+    assign(active, to.x, FloatV(from.x));
+    assign(active, to.y, FloatV(from.y));
+    assign(active, to.z, FloatV(from.z));
+}
+
+void assign_gathered(const FloatV::mask_type& active, Triple<FloatV>& to, const Vec3* vectors, const UintV& index) {
+    const auto* base = reinterpret_cast<const float*>(vectors);
+    const UintV first = index * UintV(3U);
+    assign(active, to.x, gather(base, first, active));
+    assign(active, to.y, gather(base + 1, first, active));
+    assign(active, to.z, gather(base + 2, first, active));
+}
+
+}  // namespace
+
+void Surfaces::gather_corners(const Record& record, const UintV& primitive, const FloatV::mask_type& active,
+                              TriangleCorners<FloatV>& corners) {
+    const auto* indices = reinterpret_cast<const uint32_t*>(record.triangles);
+    const UintV first = primitive * UintV(3U);
+    const UintV index0 = gather(indices, first, active);
+    const UintV index1 = gather(indices + 1, first, active);
+    const UintV index2 = gather(indices + 2, first, active);
+    assign_gathered(active, corners.p0, record.positions, index0);
+    assign_gathered(active, corners.p1, record.positions, index1);
+    assign_gathered(active, corners.p2, record.positions, index2);
+    if (record.normals == nullptr) return;
+    assign_gathered(active, corners.n0, record.normals, index0);
+    assign_gathered(active, corners.n1, record.normals, index1);
+    assign_gathered(active, corners.n2, record.normals, index2);
+}
+
+[[gnu::flatten]] void Surfaces::load_plain(const UintV& object, const UintV& primitive, FloatV::mask_type active,
+                                           TriangleCorners<FloatV>& corners, BsdfParameters<FloatV>& bsdf) const {
+    const Triple<FloatV> zero{FloatV(0.0F), FloatV(0.0F), FloatV(0.0F)};
+    corners = {zero, zero, zero, zero, zero, zero};
+    bsdf = {zero, zero, FloatV(0.0F), FloatV(0.0F), FloatV(0.0F)};
+    // One turn per distinct object among the lanes: neighbouring paths mostly hit the same.
+    while (stdx::any_of(active)) {
+        const uint32_t id = object[static_cast<size_t>(stdx::find_first_set(active))];
+        const auto same = active && FloatV::mask_type(stdx::static_simd_cast<FloatV>(object ^ UintV(id)) == FloatV(0.0F));
+        const Record& record = records_[id];
+        gather_corners(record, primitive, same, corners);
+        assign(same, bsdf.base, record.constant_bsdf.base);
+        assign(same, bsdf.coat_f0, record.constant_bsdf.coat_f0);
+        assign(same, bsdf.coat_f90, FloatV(record.constant_bsdf.coat_f90));
+        assign(same, bsdf.metallic, FloatV(record.constant_bsdf.metallic));
+        assign(same, bsdf.alpha, FloatV(record.constant_bsdf.alpha));
+        active = active && !same;
+    }
 }
 
 TriangleCorners<float> Surfaces::to_world(const InstanceTransform& transform, const TriangleCorners<float>& corners) {

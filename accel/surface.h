@@ -30,10 +30,11 @@ class Surfaces {
     SurfaceInteraction interact(uint32_t object, uint32_t primitive, float u, float v, const Vec3& wo) const;
 
     /// Most hits need only their triangle's corners and a constant material: no texture, no emission, no instance
-    /// transform. Those can be handled a vector at a time, with the next two functions.
+    /// transform. Those are handled a vector at a time by load_plain.
     bool is_plain(uint32_t object) const { return records_[object].plain; }
-    TriangleCorners<float> corners(uint32_t object, uint32_t primitive) const;
-    const BsdfParameters<float>& constant_bsdf(uint32_t object) const { return records_[object].constant_bsdf; }
+    /// Corners and materials of a vector of plain hits; `active` lanes only, the others become zero.
+    void load_plain(const UintV& object, const UintV& primitive, FloatV::mask_type active,
+                    TriangleCorners<FloatV>& corners, BsdfParameters<FloatV>& bsdf) const;
 
     const Material& material(uint32_t object) const { return *records_[object].material; }
     bool emits(uint32_t object) const { return records_[object].emits; }
@@ -61,6 +62,8 @@ class Surfaces {
         bool caster;
     };
 
+    static void gather_corners(const Record& record, const UintV& primitive, const FloatV::mask_type& active,
+                               TriangleCorners<FloatV>& corners);
     static TriangleCorners<float> corners_of(const Record& record, const Triangle& t);
     static TriangleCorners<float> to_world(const InstanceTransform& transform, const TriangleCorners<float>& corners);
 

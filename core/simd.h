@@ -9,6 +9,10 @@
 #include <cstdint>
 #include <experimental/simd>
 
+#if defined(__AVX512F__)
+#include <immintrin.h>
+#endif
+
 #include "core/vec.h"
 
 namespace nephroid {
@@ -74,6 +78,69 @@ F safe_sqrt(const F& x) {
 template <class F>
 MaskOf<F> is_finite(const F& x) {
     return absolute(x) <= F(3.4028234e38F);
+}
+
+// Gathers and compaction, which std::experimental::simd lacks: intrinsics where the instruction set has them, loops
+// elsewhere.
+
+#if defined(__AVX512F__)
+inline __mmask16 mask_bits(const FloatV::mask_type& mask) {
+    return static_cast<__mmask16>(mask.__to_bitset().to_ulong());
+}
+#endif
+
+/// base[index] of each lane where `active`; zero elsewhere. Inactive lanes read nothing.
+inline FloatV gather(const float* base, const UintV& index, const FloatV::mask_type& active) {
+#if defined(__AVX512F__)
+    return FloatV(_mm512_mask_i32gather_ps(_mm512_setzero_ps(), mask_bits(active),
+                                           static_cast<__m512i>(index), base, 4));
+#else
+    return FloatV([&](auto lane) { return active[lane] ? base[index[lane]] : 0.0F; });
+#endif
+}
+inline UintV gather(const uint32_t* base, const UintV& index, const FloatV::mask_type& active) {
+#if defined(__AVX512F__)
+    return UintV(_mm512_mask_i32gather_epi32(_mm512_setzero_si512(), mask_bits(active),
+                                             static_cast<__m512i>(index), base, 4));
+#else
+    return UintV([&](auto lane) { return active[lane] ? base[index[lane]] : 0U; });
+#endif
+}
+
+/// Writes the lanes of `kept` to `to`, one after the other, and may write up to simd_width values: what follows the
+/// kept ones is unspecified.
+inline void compress_store(float* to, const FloatV& values, const FloatV::mask_type& kept) {
+#if defined(__AVX512F__)
+    _mm512_storeu_ps(to, _mm512_maskz_compress_ps(mask_bits(kept), static_cast<__m512>(values)));
+#else
+    for (size_t lane = 0; lane < simd_width; ++lane) {
+        *to = values[lane];
+        to += kept[lane] ? 1 : 0;
+    }
+#endif
+}
+inline void compress_store(uint32_t* to, const UintV& values, const FloatV::mask_type& kept) {
+#if defined(__AVX512F__)
+    _mm512_storeu_si512(to, _mm512_maskz_compress_epi32(mask_bits(kept), static_cast<__m512i>(values)));
+#else
+    for (size_t lane = 0; lane < simd_width; ++lane) {
+        *to = values[lane];
+        to += kept[lane] ? 1 : 0;
+    }
+#endif
+}
+
+inline size_t count_of(const FloatV::mask_type& mask) {
+    return static_cast<size_t>(stdx::popcount(mask));
+}
+
+/// Lane numbers 0, 1, 2, ...
+inline UintV lane_numbers() {
+    return UintV([](auto lane) { return static_cast<uint32_t>(lane); });
+}
+/// The lanes below `count`.
+inline FloatV::mask_type first_lanes(size_t count) {
+    return stdx::static_simd_cast<FloatV>(stdx::static_simd_cast<IntV>(lane_numbers())) < FloatV(static_cast<float>(count));
 }
 
 /// sin(2 pi u) and cos(2 pi u) for u in [0, 1], to 2e-7 absolute: minimax polynomials on a quarter turn, no table, no

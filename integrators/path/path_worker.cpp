@@ -1,7 +1,6 @@
 #include "integrators/path/path_worker.h"
 
 #include <algorithm>
-#include <array>
 
 #include "core/delta_light.h"
 #include "core/rounding.h"
@@ -34,14 +33,16 @@ FloatV load(const AlignedArray<float>& values, size_t i) {
     return FloatV(&values[i], stdx::vector_aligned);
 }
 
-/// Entries of `values` at the slots of paths i .. i + simd_width.
-UintV gather(const AlignedArray<uint32_t>& values, const AlignedArray<uint32_t>& slots, size_t i) {
-    return UintV([&](auto lane) { return values[slots[i + lane]]; });
-}
-
-template <size_t N>
-void store_lanes(float (&lanes)[N][simd_width], const std::array<FloatV, N>& values) {
-    for (size_t i = 0; i < N; ++i) values[i].copy_to(lanes[i], stdx::vector_aligned);
+/// Writes the lanes of `kept` behind the batch's rays, without counting them yet.
+void append_rays(RayBatch& rays, const Triple<FloatV>& origin, const Triple<FloatV>& direction, const FloatV& t_max,
+                 const FloatV::mask_type& kept) {
+    compress_store(&rays.origin_x[rays.count], origin.x, kept);
+    compress_store(&rays.origin_y[rays.count], origin.y, kept);
+    compress_store(&rays.origin_z[rays.count], origin.z, kept);
+    compress_store(&rays.direction_x[rays.count], direction.x, kept);
+    compress_store(&rays.direction_y[rays.count], direction.y, kept);
+    compress_store(&rays.direction_z[rays.count], direction.z, kept);
+    compress_store(&rays.t_max[rays.count], t_max, kept);
 }
 
 }  // namespace
@@ -57,10 +58,7 @@ PathWorker::PathWorker(const RenderContext& context)
 
 void PathWorker::render(const SampleBlock& block, SampleBuffer& samples) {
     const size_t slots = block.slot_count();
-    for (auto* layer : {&samples.radiance, &samples.caustic, &samples.albedo, &samples.normal}) {
-        for (auto& channel : *layer) std::fill_n(channel.data(), slots, 0.0F);
-    }
-    std::fill_n(samples.depth.data(), slots, 0.0F);
+    clear(samples, slots);
 
     start_paths(block);
     for (uint32_t bounce = 0; paths_.rays.count > 0; ++bounce) {
@@ -75,11 +73,25 @@ void PathWorker::render(const SampleBlock& block, SampleBuffer& samples) {
             }
             weigh_lights();
             push_shadow_rays();
-            add_unoccluded(samples);
+            add_unoccluded(bounce, samples);
         }
         // The last scattering matters only where a light can be hit.
         if (bounce + 1 == context_.max_depth && !context_.lights.has_hittable()) break;
         scatter(bounce);
+    }
+}
+
+void PathWorker::clear(SampleBuffer& samples, size_t slots) const {
+    const AovSelection& aovs = context_.aovs;
+    const auto clear_layer = [slots](AlignedArray<float>(&layer)[3]) {
+        for (auto& channel : layer) std::fill_n(channel.data(), slots, 0.0F);
+    };
+    clear_layer(samples.radiance);
+    if (aovs.caustic) clear_layer(samples.caustic);
+    if (aovs.albedo || aovs.normal || aovs.depth) {
+        clear_layer(samples.albedo);
+        clear_layer(samples.normal);
+        std::fill_n(samples.depth.data(), slots, 0.0F);
     }
 }
 
@@ -132,68 +144,86 @@ void PathWorker::trace(uint32_t bounce) {
 void PathWorker::collect_vertices(uint32_t bounce, SampleBuffer& samples) {
     const Surfaces& surfaces = context_.surfaces;
     const bool last = bounce == context_.max_depth;
-    vertices_.count = 0;
-    special_vertices_.clear();
+    const bool has_environment = context_.lights.environment() != nullptr;
+    const auto object_count = static_cast<uint32_t>(surfaces.object_count());
+    // Plain hits first, listed without a branch; whatever needs more work goes the slow way below.
+    size_t vertex_count = 0;
+    special_paths_.clear();
     for (size_t i = 0; i < paths_.rays.count; ++i) {
+        const uint32_t object = hits_.object[i];
+        const bool on_object = object < object_count;
+        const bool plain = on_object && surfaces.is_plain(object);
+        vertices_.path[vertex_count] = static_cast<uint32_t>(i);
+        vertex_count += plain && !last ? 1 : 0;
+        if (!plain && (object != no_hit || has_environment)) special_paths_.push_back(static_cast<uint32_t>(i));
+    }
+    vertices_.count = vertex_count;
+    interpolate_plain_vertices();
+    for (const uint32_t i : special_paths_) {
         const uint32_t object = hits_.object[i];
         if (object == no_hit) {
             add_escaped(i, samples);
-        } else if (object >= surfaces.object_count()) {
-            add_sphere_light(i, object - static_cast<uint32_t>(surfaces.object_count()), samples);
-        } else if (!last || surfaces.emits(object)) {
-            push_vertex(i);
+        } else if (object >= object_count) {
+            add_sphere_light(i, object - object_count, samples);
+        } else {
+            const SurfaceInteraction surface =
+                surfaces.interact(object, hits_.primitive[i], hits_.u[i], hits_.v[i], -paths_.rays.direction(i));
+            if (surfaces.emits(object)) add_surface_emission(i, surface, samples);
+            if (!last) push_vertex(i, surface);
         }
-    }
-    interpolate_vertices();
-    for (const uint32_t k : special_vertices_) {
-        const size_t i = vertices_.path[k];
-        const SurfaceInteraction surface =
-            surfaces.interact(hits_.object[i], hits_.primitive[i], hits_.u[i], hits_.v[i], -paths_.rays.direction(i));
-        if (surfaces.emits(hits_.object[i])) add_surface_emission(i, surface, samples);
-        set_surface(k, surface);
     }
     if (bounce == 0) record_first_hits(samples);
 }
 
-void PathWorker::push_vertex(size_t path) {
+NEPHROID_FLATTEN void PathWorker::interpolate_plain_vertices() {
+    const RayBatch& rays = paths_.rays;
+    for (size_t k = 0; k < vertices_.count; k += simd_width) {
+        const auto active = first_lanes(vertices_.count - k);
+        const UintV path(&vertices_.path[k], stdx::vector_aligned);
+        TriangleCorners<FloatV> corners;
+        BsdfParameters<FloatV> bsdf;
+        context_.surfaces.load_plain(gather(hits_.object.data(), path, active),
+                                     gather(hits_.primitive.data(), path, active), active, corners, bsdf);
+        const Triple<FloatV> wo{-gather(rays.direction_x.data(), path, active),
+                                -gather(rays.direction_y.data(), path, active),
+                                -gather(rays.direction_z.data(), path, active)};
+        const SurfaceGeometry<FloatV> g = interpolate_surface(corners, gather(hits_.u.data(), path, active),
+                                                              gather(hits_.v.data(), path, active), wo);
+        vertices_.position.store(k, g.position);
+        vertices_.error.store(k, g.error);
+        vertices_.geometric_normal.store(k, g.geometric_normal);
+        vertices_.shading_normal.store(k, face_forward(g.shading_normal, g.geometric_normal));
+        vertices_.wo.store(k, wo);
+        vertices_.throughput.store(k, paths_.throughput.gather(path, active));
+        vertices_.base.store(k, bsdf.base);
+        vertices_.coat_f0.store(k, bsdf.coat_f0);
+        bsdf.coat_f90.copy_to(&vertices_.coat_f90[k], stdx::vector_aligned);
+        bsdf.metallic.copy_to(&vertices_.metallic[k], stdx::vector_aligned);
+        bsdf.alpha.copy_to(&vertices_.alpha[k], stdx::vector_aligned);
+        gather(paths_.slot.data(), path, active).copy_to(&vertices_.slot[k], stdx::vector_aligned);
+    }
+    if (!context_.aovs.caustic) return;
+    for (size_t k = 0; k < vertices_.count; ++k) vertices_.flags[k] = flags_at(vertices_.path[k]);
+}
+
+/// PathFlags at the surface that a path has hit.
+uint32_t PathWorker::flags_at(size_t path) const {
+    if (!context_.surfaces.is_caster(hits_.object[path])) return receiver_seen;
+    return (paths_.flags[path] & receiver_seen) != 0 ? receiver_seen | on_caster_chain : 0U;
+}
+
+void PathWorker::push_vertex(size_t path, const SurfaceInteraction& surface) {
     const size_t k = vertices_.count++;
-    const uint32_t object = hits_.object[path];
     vertices_.path[k] = static_cast<uint32_t>(path);
+    vertices_.position.set(k, surface.position);
+    vertices_.error.set(k, surface.error);
+    vertices_.geometric_normal.set(k, surface.geometric_normal);
+    vertices_.shading_normal.set(k, surface.shading_normal);
     vertices_.wo.set(k, -paths_.rays.direction(path));
-    vertices_.throughput.copy(k, paths_.throughput, path);
+    vertices_.throughput.set(k, paths_.throughput.get(path));
+    vertices_.set_bsdf(k, surface.bsdf);
     vertices_.slot[k] = paths_.slot[path];
-    const uint32_t seen = paths_.flags[path] & receiver_seen;
-    const bool caster = context_.surfaces.is_caster(object);
-    vertices_.flags[k] = caster ? (seen != 0 ? receiver_seen | on_caster_chain : 0U) : uint32_t{receiver_seen};
-    if (!context_.surfaces.is_plain(object)) {
-        special_vertices_.push_back(static_cast<uint32_t>(k));
-        return;
-    }
-    vertices_.set_corners(k, context_.surfaces.corners(object, hits_.primitive[path]));
-    vertices_.u[k] = hits_.u[path];
-    vertices_.v[k] = hits_.v[path];
-    vertices_.set_bsdf(k, context_.surfaces.constant_bsdf(object));
-}
-
-// Position and normals of the plain vertices; the special ones get theirs afterwards.
-NEPHROID_FLATTEN void PathWorker::interpolate_vertices() {
-    if (special_vertices_.size() == vertices_.count) return;
-    for (size_t i = 0; i < vertices_.count; i += simd_width) {
-        const SurfaceGeometry<FloatV> g =
-            interpolate_surface(vertices_.corners(i), load(vertices_.u, i), load(vertices_.v, i), vertices_.wo.load(i));
-        vertices_.position.store(i, g.position);
-        vertices_.error.store(i, g.error);
-        vertices_.geometric_normal.store(i, g.geometric_normal);
-        vertices_.shading_normal.store(i, face_forward(g.shading_normal, g.geometric_normal));
-    }
-}
-
-void PathWorker::set_surface(size_t vertex, const SurfaceInteraction& surface) {
-    vertices_.position.set(vertex, surface.position);
-    vertices_.error.set(vertex, surface.error);
-    vertices_.geometric_normal.set(vertex, surface.geometric_normal);
-    vertices_.shading_normal.set(vertex, surface.shading_normal);
-    vertices_.set_bsdf(vertex, surface.bsdf);
+    vertices_.flags[k] = flags_at(path);
 }
 
 void PathWorker::record_first_hits(SampleBuffer& samples) const {
@@ -245,7 +275,7 @@ void PathWorker::add_emission(size_t path, const Rgb& radiance, float light_pdf,
     const float weight = light_pdf > 0.0F ? power_heuristic(paths_.pdf[path], light_pdf) : 1.0F;
     const Rgb contribution = paths_.throughput.get(path) * radiance * weight;
     const size_t slot = paths_.slot[path];
-    const bool caustic = small_light && (paths_.flags[path] & on_caster_chain) != 0;
+    const bool caustic = context_.aovs.caustic && small_light && (paths_.flags[path] & on_caster_chain) != 0;
     for (int c = 0; c < 3; ++c) {
         samples.radiance[c][slot] += contribution[c];
         if (caustic) samples.caustic[c][slot] += contribution[c];
@@ -261,8 +291,10 @@ void PathWorker::sample_lights(uint32_t bounce) {
     alignas(simd_alignment) float point_x[simd_width];
     alignas(simd_alignment) float point_y[simd_width];
     for (size_t first = 0; first < vertices_.count; first += simd_width) {
-        const UintV seed = gather(seeds_, vertices_.slot, first);
-        const UintV index = gather(indices_, vertices_.slot, first);
+        const UintV slot(&vertices_.slot[first], stdx::vector_aligned);
+        const auto active = first_lanes(vertices_.count - first);
+        const UintV seed = gather(seeds_.data(), slot, active);
+        const UintV index = gather(indices_.data(), slot, active);
         FloatV(0.0F).copy_to(choice, stdx::vector_aligned);
         if (several) {
             sample_1d(context_.sampler, seed, index, dimension_of(bounce, light_choice))
@@ -282,7 +314,7 @@ void PathWorker::sample_lights(uint32_t bounce) {
             lights_.radiance.set(k, sample.radiance);
             lights_.pdf[k] = sample.pdf;
             lights_.bsdf_competes[k] = sample.delta ? 0.0F : 1.0F;
-            lights_.infinite[k] = sample.infinite ? 1 : 0;
+            lights_.infinite[k] = sample.infinite ? 1.0F : 0.0F;
             const bool small = sample.light < context_.scene.lights.size();
             lights_.caustic[k] = small && (vertices_.flags[k] & on_caster_chain) != 0 ? 1 : 0;
         }
@@ -291,7 +323,7 @@ void PathWorker::sample_lights(uint32_t bounce) {
 
 // The same for a scene whose only light is a delta light: no choice to make, and a vector at a time.
 NEPHROID_FLATTEN void PathWorker::sample_single_light(const PunctualLight& light) {
-    const uint32_t infinite = light.kind == LightKind::directional ? 1 : 0;
+    const float infinite = light.kind == LightKind::directional ? 1.0F : 0.0F;
     for (size_t i = 0; i < vertices_.count; i += simd_width) {
         const DeltaLightSample<FloatV> sample = sample_delta_light(light, vertices_.position.load(i));
         lights_.wi.store(i, sample.wi);
@@ -299,9 +331,9 @@ NEPHROID_FLATTEN void PathWorker::sample_single_light(const PunctualLight& light
         lights_.target.store(i, {FloatV(light.position.x), FloatV(light.position.y), FloatV(light.position.z)});
         FloatV(1.0F).copy_to(&lights_.pdf[i], stdx::vector_aligned);
         FloatV(0.0F).copy_to(&lights_.bsdf_competes[i], stdx::vector_aligned);
-        UintV(infinite).copy_to(&lights_.infinite[i], stdx::vector_aligned);
+        FloatV(infinite).copy_to(&lights_.infinite[i], stdx::vector_aligned);
     }
-    for (size_t k = 0; k < vertices_.count; ++k) {
+    for (size_t k = 0; k < vertices_.count && context_.aovs.caustic; ++k) {
         lights_.caustic[k] = (vertices_.flags[k] & on_caster_chain) != 0 ? 1 : 0;
     }
 }
@@ -324,100 +356,76 @@ NEPHROID_FLATTEN void PathWorker::weigh_lights() {
     }
 }
 
-// Shadow rays of the vertices that a light reaches. The compaction writes every lane and advances only past those that
-// count: a branch would be mispredicted at every other vertex.
+// Shadow rays of the vertices that a light reaches.
 NEPHROID_FLATTEN void PathWorker::push_shadow_rays() {
+    const FloatV infinity(std::numeric_limits<float>::infinity());
     RayBatch& rays = shadows_.rays;
-    alignas(simd_alignment) float lanes[7][simd_width];
-    size_t next = 0;
-    for (size_t first = 0; first < vertices_.count; first += simd_width) {
-        const Triple<FloatV> wi = lights_.wi.load(first);
-        const Triple<FloatV> origin = offset_ray_origin(vertices_.position.load(first), vertices_.error.load(first),
-                                                        vertices_.geometric_normal.load(first), wi);
-        const Triple<FloatV> segment = lights_.target.load(first) - origin;
-        const UintV infinite(&lights_.infinite[first], stdx::vector_aligned);
-        const auto endless = stdx::static_simd_cast<FloatV>(infinite) > FloatV(0.0F);
-        const Triple<FloatV> direction = select<FloatV>(endless, wi, segment);
-        const FloatV end = select(endless, FloatV(std::numeric_limits<float>::infinity()), FloatV(segment_end));
-        store_lanes(lanes, {origin.x, origin.y, origin.z, direction.x, direction.y, direction.z, end});
-        for (size_t k = first; k < std::min(first + simd_width, vertices_.count); ++k) {
-            const size_t lane = k - first;
-            rays.origin_x[next] = lanes[0][lane];
-            rays.origin_y[next] = lanes[1][lane];
-            rays.origin_z[next] = lanes[2][lane];
-            rays.direction_x[next] = lanes[3][lane];
-            rays.direction_y[next] = lanes[4][lane];
-            rays.direction_z[next] = lanes[5][lane];
-            rays.t_max[next] = lanes[6][lane];
-            const Rgb contribution = lights_.radiance.get(k);
-            shadows_.contribution.set(next, contribution);
-            shadows_.slot[next] = vertices_.slot[k];
-            shadows_.caustic[next] = lights_.caustic[k];
-            next += contribution != Rgb(0.0F) ? 1 : 0;
-        }
+    rays.count = 0;
+    for (size_t k = 0; k < vertices_.count; k += simd_width) {
+        const Triple<FloatV> contribution = lights_.radiance.load(k);
+        // "Not zero" rather than "positive": a non-finite contribution must arrive where it is counted.
+        const auto lit = first_lanes(vertices_.count - k) &&
+                         !(contribution.x == FloatV(0.0F) && contribution.y == FloatV(0.0F) && contribution.z == FloatV(0.0F));
+        const Triple<FloatV> wi = lights_.wi.load(k);
+        const Triple<FloatV> origin = offset_ray_origin(vertices_.position.load(k), vertices_.error.load(k),
+                                                        vertices_.geometric_normal.load(k), wi);
+        const auto endless = load(lights_.infinite, k) > FloatV(0.0F);
+        const Triple<FloatV> direction = select<FloatV>(endless, wi, lights_.target.load(k) - origin);
+        append_rays(rays, origin, direction, select(endless, infinity, FloatV(segment_end)), lit);
+        shadows_.contribution.append(rays.count, contribution, lit);
+        compress_store(&shadows_.slot[rays.count], UintV(&vertices_.slot[k], stdx::vector_aligned), lit);
+        compress_store(&shadows_.caustic[rays.count], UintV(&lights_.caustic[k], stdx::vector_aligned), lit);
+        rays.count += count_of(lit);
     }
-    rays.count = next;
 }
 
-void PathWorker::add_unoccluded(SampleBuffer& samples) {
+void PathWorker::add_unoccluded(uint32_t bounce, SampleBuffer& samples) {
     rays_ += shadows_.rays.count;
-    context_.accelerator.occluded(shadows_.rays, true, shadows_.occluded);
+    context_.accelerator.occluded(shadows_.rays, bounce == 0, shadows_.occluded);
     for (size_t s = 0; s < shadows_.rays.count; ++s) {
         if (shadows_.occluded[s] != 0) continue;
         const size_t slot = shadows_.slot[s];
         const Rgb contribution = shadows_.contribution.get(s);
         for (int c = 0; c < 3; ++c) {
             samples.radiance[c][slot] += contribution[c];
-            if (shadows_.caustic[s] != 0) samples.caustic[c][slot] += contribution[c];
+            if (context_.aovs.caustic && shadows_.caustic[s] != 0) samples.caustic[c][slot] += contribution[c];
         }
     }
 }
 
-// Samples the BSDF at every vertex; the survivors become the next wave (compaction as for shadow rays).
+// Samples the BSDF at every vertex; the survivors become the next wave.
 NEPHROID_FLATTEN void PathWorker::scatter(uint32_t bounce) {
     const FloatV zero(0.0F);
+    const FloatV infinity(std::numeric_limits<float>::infinity());
     RayBatch& rays = paths_.rays;
-    alignas(simd_alignment) float lanes[11][simd_width];
-    size_t next = 0;
-    for (size_t first = 0; first < vertices_.count; first += simd_width) {
-        const UintV seed = gather(seeds_, vertices_.slot, first);
-        const UintV index = gather(indices_, vertices_.slot, first);
+    rays.count = 0;
+    for (size_t k = 0; k < vertices_.count; k += simd_width) {
+        const UintV slot(&vertices_.slot[k], stdx::vector_aligned);
+        const auto active = first_lanes(vertices_.count - k);
+        const UintV seed = gather(seeds_.data(), slot, active);
+        const UintV index = gather(indices_.data(), slot, active);
         const auto [u_lobe, u_roulette] =
             sample_2d(context_.sampler, seed, index, dimension_of(bounce, lobe_and_roulette));
         const auto [u, v] = sample_2d(context_.sampler, seed, index, dimension_of(bounce, bsdf_direction));
-        const Frame<FloatV> frame = make_frame(vertices_.shading_normal.load(first));
+        const Frame<FloatV> frame = make_frame(vertices_.shading_normal.load(k));
         const BsdfSample<FloatV> sample =
-            sample_bsdf(vertices_.bsdf(first), frame.to_local(vertices_.wo.load(first)), u_lobe, u, v);
+            sample_bsdf(vertices_.bsdf(k), frame.to_local(vertices_.wo.load(k)), u_lobe, u, v);
         const Triple<FloatV> wi = frame.to_world(sample.wi);
-        Triple<FloatV> weight = vertices_.throughput.load(first) * sample.weight;
+        Triple<FloatV> weight = vertices_.throughput.load(k) * sample.weight;
         const FloatV survival = bounce + 1 > roulette_start
                                     ? minimum(FloatV(1.0F), maximum(FloatV(0.05F), max_component(weight)))
                                     : FloatV(1.0F);
         weight = weight * (FloatV(1.0F) / survival);
-        const Triple<FloatV> normal = vertices_.geometric_normal.load(first);
-        const auto lives = (u_roulette < survival) && (max_component(weight) > zero) && (dot(normal, wi) > zero);
-        const Triple<FloatV> origin =
-            offset_ray_origin(vertices_.position.load(first), vertices_.error.load(first), normal, wi);
-        store_lanes(lanes, {origin.x, origin.y, origin.z, wi.x, wi.y, wi.z, weight.x, weight.y, weight.z,
-                            select(sample.delta, zero, sample.pdf), select(lives, FloatV(1.0F), zero)});
-
-        for (size_t k = first; k < std::min(first + simd_width, vertices_.count); ++k) {
-            const size_t lane = k - first;
-            rays.origin_x[next] = lanes[0][lane];
-            rays.origin_y[next] = lanes[1][lane];
-            rays.origin_z[next] = lanes[2][lane];
-            rays.direction_x[next] = lanes[3][lane];
-            rays.direction_y[next] = lanes[4][lane];
-            rays.direction_z[next] = lanes[5][lane];
-            rays.t_max[next] = std::numeric_limits<float>::infinity();
-            paths_.throughput.set(next, {lanes[6][lane], lanes[7][lane], lanes[8][lane]});
-            paths_.pdf[next] = lanes[9][lane];
-            paths_.slot[next] = vertices_.slot[k];
-            paths_.flags[next] = vertices_.flags[k];
-            next += lanes[10][lane] != 0.0F ? 1 : 0;
-        }
+        const Triple<FloatV> normal = vertices_.geometric_normal.load(k);
+        const auto lives = active && (u_roulette < survival) && (max_component(weight) > zero) && (dot(normal, wi) > zero);
+        const Triple<FloatV> origin = offset_ray_origin(vertices_.position.load(k), vertices_.error.load(k), normal, wi);
+        append_rays(rays, origin, wi, infinity, lives);
+        paths_.throughput.append(rays.count, weight, lives);
+        compress_store(&paths_.pdf[rays.count], select(sample.delta, zero, sample.pdf), lives);
+        compress_store(&paths_.slot[rays.count], slot, lives);
+        compress_store(&paths_.flags[rays.count], UintV(&vertices_.flags[k], stdx::vector_aligned), lives);
+        rays.count += count_of(lives);
     }
-    rays.count = next;
 }
 
 }  // namespace nephroid

@@ -13,6 +13,7 @@ class PathWorker final : public IntegratorWorker {
     uint64_t rays() const override { return rays_; }
 
   private:
+    void clear(SampleBuffer& samples, size_t slots) const;
     void start_paths(const SampleBlock& block);
     void trace(uint32_t bounce);
     void collect_vertices(uint32_t bounce, SampleBuffer& samples);
@@ -20,15 +21,15 @@ class PathWorker final : public IntegratorWorker {
     void add_sphere_light(size_t path, uint32_t light, SampleBuffer& samples);
     void add_surface_emission(size_t path, const SurfaceInteraction& surface, SampleBuffer& samples);
     void add_emission(size_t path, const Rgb& radiance, float light_pdf, bool small_light, SampleBuffer& samples);
-    void push_vertex(size_t path);
-    void interpolate_vertices();
-    void set_surface(size_t vertex, const SurfaceInteraction& surface);
+    void interpolate_plain_vertices();
+    uint32_t flags_at(size_t path) const;
+    void push_vertex(size_t path, const SurfaceInteraction& surface);
     void record_first_hits(SampleBuffer& samples) const;
     void sample_lights(uint32_t bounce);
     void sample_single_light(const PunctualLight& light);
     void weigh_lights();
     void push_shadow_rays();
-    void add_unoccluded(SampleBuffer& samples);
+    void add_unoccluded(uint32_t bounce, SampleBuffer& samples);
     void scatter(uint32_t bounce);
 
     const RenderContext& context_;
@@ -40,7 +41,7 @@ class PathWorker final : public IntegratorWorker {
     PathWave paths_;
     HitBatch hits_;
     VertexWave vertices_;
-    std::vector<uint32_t> special_vertices_;  ///< Vertices whose surface is not plain (Surfaces::is_plain).
+    std::vector<uint32_t> special_paths_;  ///< Paths that hit a light or a surface that is not plain (Surfaces::is_plain).
     LightWave lights_;
     ShadowWave shadows_;
 };

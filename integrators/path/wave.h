@@ -2,7 +2,6 @@
 #pragma once
 
 #include "accel/ray_batch.h"
-#include "accel/surface_geometry.h"
 #include "core/bsdf.h"
 #include "core/film.h"
 #include "core/simd.h"
@@ -11,7 +10,7 @@ namespace nephroid {
 
 /// Three arrays: a vector or colour per path.
 struct TripleArray {
-    explicit TripleArray(size_t capacity) : x(capacity), y(capacity), z(capacity) {}
+    explicit TripleArray(size_t capacity) : x(padded_to_packets(capacity)), y(x.size()), z(x.size()) {}
     AlignedArray<float> x, y, z;
 
     Triple<FloatV> load(size_t i) const {
@@ -23,16 +22,21 @@ struct TripleArray {
         v.y.copy_to(&y[i], stdx::vector_aligned);
         v.z.copy_to(&z[i], stdx::vector_aligned);
     }
+    Triple<FloatV> gather(const UintV& index, const FloatV::mask_type& active) const {
+        return {nephroid::gather(x.data(), index, active), nephroid::gather(y.data(), index, active),
+                nephroid::gather(z.data(), index, active)};
+    }
+    /// Appends the lanes of `kept` at position i (compress_store).
+    void append(size_t i, const Triple<FloatV>& v, const FloatV::mask_type& kept) {
+        compress_store(&x[i], v.x, kept);
+        compress_store(&y[i], v.y, kept);
+        compress_store(&z[i], v.z, kept);
+    }
     Vec3 get(size_t i) const { return {x[i], y[i], z[i]}; }
     void set(size_t i, const Vec3& v) {
         x[i] = v.x;
         y[i] = v.y;
         z[i] = v.z;
-    }
-    void copy(size_t to, const TripleArray& source, size_t from) {
-        x[to] = source.x[from];
-        y[to] = source.y[from];
-        z[to] = source.z[from];
     }
 };
 
@@ -42,44 +46,36 @@ enum PathFlag : uint32_t {
     on_caster_chain = 2,   ///< receiver_seen, and every vertex since the last receiver (at least one) is a caster.
 };
 
+/// Array of a value per path.
+template <class T>
+struct PathArray : AlignedArray<T> {
+    explicit PathArray(size_t capacity) : AlignedArray<T>(padded_to_packets(capacity)) {}
+};
+
 /// Paths that are about to be traced.
 struct PathWave {
     explicit PathWave(size_t capacity)
         : rays(capacity), throughput(capacity), pdf(capacity), slot(capacity), flags(capacity) {}
     RayBatch rays;
     TripleArray throughput;
-    AlignedArray<float> pdf;      ///< Solid-angle density of the ray's direction; 0: delta or camera, no MIS.
-    AlignedArray<uint32_t> slot;  ///< Index into the SampleBuffer.
-    AlignedArray<uint32_t> flags;
+    PathArray<float> pdf;      ///< Solid-angle density of the ray's direction; 0: delta or camera, no MIS.
+    PathArray<uint32_t> slot;  ///< Index into the SampleBuffer.
+    PathArray<uint32_t> flags;
 };
 
 /// Surface points that paths have reached and will scatter from.
 struct VertexWave {
     explicit VertexWave(size_t capacity)
-        : p0(capacity), p1(capacity), p2(capacity), n0(capacity), n1(capacity), n2(capacity), u(capacity), v(capacity),
-          path(capacity), position(capacity), error(capacity), geometric_normal(capacity), shading_normal(capacity), wo(capacity),
-          throughput(capacity), base(capacity), coat_f0(capacity), coat_f90(capacity), metallic(capacity),
-          alpha(capacity), slot(capacity), flags(capacity) {}
+        : path(capacity), position(capacity), error(capacity), geometric_normal(capacity), shading_normal(capacity),
+          wo(capacity), throughput(capacity), base(capacity), coat_f0(capacity), coat_f90(capacity),
+          metallic(capacity), alpha(capacity), slot(capacity), flags(capacity) {}
     size_t count = 0;
-    TripleArray p0, p1, p2, n0, n1, n2;  ///< Corners and vertex normals of the triangle that was hit.
-    AlignedArray<float> u, v;            ///< Barycentric weights of corners 1 and 2.
-    AlignedArray<uint32_t> path;         ///< Index of the path in the PathWave it came from.
+    PathArray<uint32_t> path;  ///< Index of the path in the PathWave it came from.
     TripleArray position, error, geometric_normal, shading_normal, wo, throughput;
     TripleArray base, coat_f0;
-    AlignedArray<float> coat_f90, metallic, alpha;
-    AlignedArray<uint32_t> slot, flags;
+    PathArray<float> coat_f90, metallic, alpha;
+    PathArray<uint32_t> slot, flags;
 
-    TriangleCorners<FloatV> corners(size_t i) const {
-        return {p0.load(i), p1.load(i), p2.load(i), n0.load(i), n1.load(i), n2.load(i)};
-    }
-    void set_corners(size_t i, const TriangleCorners<float>& c) {
-        p0.set(i, to_vec3(c.p0));
-        p1.set(i, to_vec3(c.p1));
-        p2.set(i, to_vec3(c.p2));
-        n0.set(i, to_vec3(c.n0));
-        n1.set(i, to_vec3(c.n1));
-        n2.set(i, to_vec3(c.n2));
-    }
     void set_bsdf(size_t i, const BsdfParameters<float>& p) {
         base.set(i, to_vec3(p.base));
         coat_f0.set(i, to_vec3(p.coat_f0));
@@ -100,19 +96,19 @@ struct LightWave {
           infinite(capacity), caustic(capacity) {}
     TripleArray wi, target;
     TripleArray radiance;  ///< Arriving radiance (delta: irradiance); then the contribution to the sample.
-    AlignedArray<float> pdf;
-    AlignedArray<float> bsdf_competes;  ///< 1: BSDF sampling can hit this light too (MIS); 0: delta light.
-    AlignedArray<uint32_t> infinite;
-    AlignedArray<uint32_t> caustic;     ///< What arrives is a caustic.
+    PathArray<float> pdf;
+    PathArray<float> bsdf_competes;  ///< 1: BSDF sampling can hit this light too (MIS); 0: delta light.
+    PathArray<float> infinite;  ///< 1: the shadow ray has no end.
+    PathArray<uint32_t> caustic;     ///< What arrives is a caustic.
 };
 
 /// Shadow rays and what they carry.
 struct ShadowWave {
     explicit ShadowWave(size_t capacity)
-        : rays(capacity), contribution(capacity), slot(capacity), caustic(capacity), occluded(padded_to_packets(capacity)) {}
+        : rays(capacity), contribution(capacity), slot(capacity), caustic(capacity), occluded(capacity) {}
     RayBatch rays;
     TripleArray contribution;
-    AlignedArray<uint32_t> slot, caustic, occluded;
+    PathArray<uint32_t> slot, caustic, occluded;
 };
 
 }  // namespace nephroid
