@@ -35,10 +35,10 @@ struct Accelerator::Implementation {
     DeviceErrors errors;
     RTCDevice device = nullptr;
     RTCScene top = nullptr;
-    std::vector<RTCScene> instanced;          // Per mesh: its own scene where several objects share it.
+    std::vector<RTCScene> instanced;           // Per mesh: its own scene where several objects share it.
     std::vector<AlphaFilterData> filter_data;  // Per mesh; stable addresses for Embree.
     uint32_t object_count = 0;
-    std::vector<uint32_t> sphere_lights;       // Indices into Scene::lights.
+    std::vector<uint32_t> sphere_lights;  // Indices into Scene::lights.
 
     ~Implementation() {
         for (const RTCScene scene : instanced) {
@@ -91,8 +91,8 @@ struct Accelerator::Implementation {
         }
         if (sphere_lights.empty()) return;
         const RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_SPHERE_POINT);
-        auto* spheres = static_cast<Vec4*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0,
-                                                                   RTC_FORMAT_FLOAT4, sizeof(Vec4), sphere_lights.size()));
+        auto* spheres = static_cast<Vec4*>(rtcSetNewGeometryBuffer(
+            geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, sizeof(Vec4), sphere_lights.size()));
         if (spheres != nullptr) {
             for (const uint32_t light : sphere_lights) {
                 *spheres++ = Vec4(scene.lights[light].position, scene.lights[light].radius);
@@ -115,7 +115,8 @@ struct Accelerator::Implementation {
 Accelerator::Accelerator(const Scene& scene, int threads) : implementation_(std::make_unique<Implementation>()) {
     Implementation& self = *implementation_;
     self.device = rtcNewDevice(("threads=" + std::to_string(threads)).c_str());
-    if (self.device == nullptr) throw Error(ExitCode::render_failed, "Embree: no device; check the processor and memory");
+    if (self.device == nullptr)
+        throw Error(ExitCode::render_failed, "Embree: no device; check the processor and memory");
     rtcSetDeviceErrorFunction(self.device, DeviceErrors::record, &self.errors);
 
     std::vector<uint32_t> use_count(scene.meshes.size(), 0);
@@ -131,7 +132,8 @@ Accelerator::Accelerator(const Scene& scene, int threads) : implementation_(std:
     self.add_sphere_lights(scene);
     rtcCommitScene(self.top);
     if (!self.errors.first.empty()) {
-        throw Error(ExitCode::render_failed, scene.file + ": Embree: " + self.errors.first + "; free memory or reduce the scene");
+        throw Error(ExitCode::render_failed,
+                    scene.file + ": Embree: " + self.errors.first + "; free memory or reduce the scene");
     }
 }
 
@@ -139,8 +141,18 @@ Accelerator::~Accelerator() = default;
 
 Hit Accelerator::intersect(const Ray& ray) const {
     alignas(16) RTCRayHit query;
-    query.ray = {ray.origin.x, ray.origin.y, ray.origin.z, 0.0F, ray.direction.x, ray.direction.y, ray.direction.z,
-                 0.0F,         ray.t_max,    ~0U,          0,    0};
+    query.ray = {ray.origin.x,
+                 ray.origin.y,
+                 ray.origin.z,
+                 0.0F,
+                 ray.direction.x,
+                 ray.direction.y,
+                 ray.direction.z,
+                 0.0F,
+                 ray.t_max,
+                 ~0U,
+                 0,
+                 0};
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     embree::Context context(embree::Coherence::incoherent);
@@ -156,8 +168,18 @@ Hit Accelerator::intersect(const Ray& ray) const {
 }
 
 bool Accelerator::occluded(const Ray& ray) const {
-    alignas(16) RTCRay query = {ray.origin.x,    ray.origin.y, ray.origin.z, 0.0F, ray.direction.x, ray.direction.y,
-                                ray.direction.z, 0.0F,         ray.t_max,    ~0U,  0,               0};
+    alignas(16) RTCRay query = {ray.origin.x,
+                                ray.origin.y,
+                                ray.origin.z,
+                                0.0F,
+                                ray.direction.x,
+                                ray.direction.y,
+                                ray.direction.z,
+                                0.0F,
+                                ray.t_max,
+                                ~0U,
+                                0,
+                                0};
     embree::Context context(embree::Coherence::incoherent);
     embree::occluded1(implementation_->top, context, query);
     return query.tfar < 0.0F;

@@ -33,9 +33,10 @@ void filter(const RTCFilterFunctionNArguments* arguments) {
         const float alpha = alpha_at(data, primitive, RTCHitN_u(arguments->hit, n, i), RTCHitN_v(arguments->hit, n, i));
         float threshold = data.material->alpha_cutoff;
         if (data.material->alpha_mode == AlphaMode::blend) {
-            const uint32_t ray = hash_combine(std::bit_cast<uint32_t>(RTCRayN_dir_x(arguments->ray, n, i)),
-                                              hash_combine(std::bit_cast<uint32_t>(RTCRayN_dir_y(arguments->ray, n, i)),
-                                                           std::bit_cast<uint32_t>(RTCRayN_dir_z(arguments->ray, n, i))));
+            const uint32_t ray =
+                hash_combine(std::bit_cast<uint32_t>(RTCRayN_dir_x(arguments->ray, n, i)),
+                             hash_combine(std::bit_cast<uint32_t>(RTCRayN_dir_y(arguments->ray, n, i)),
+                                          std::bit_cast<uint32_t>(RTCRayN_dir_z(arguments->ray, n, i))));
             // A threshold in (0, 1]: alpha 1 always stays, alpha 0 never does.
             threshold = unit_float(hash_combine(ray, primitive)) + 0x1p-24F;
         }

@@ -22,8 +22,12 @@ static_assert(simd_width <= packet_width);
 /// a segment from origin to origin + direction has t_max just below 1.
 struct RayBatch {
     explicit RayBatch(size_t capacity)
-        : origin_x(padded_to_packets(capacity)), origin_y(origin_x.size()), origin_z(origin_x.size()),
-          direction_x(origin_x.size()), direction_y(origin_x.size()), direction_z(origin_x.size()),
+        : origin_x(padded_to_packets(capacity)),
+          origin_y(origin_x.size()),
+          origin_z(origin_x.size()),
+          direction_x(origin_x.size()),
+          direction_y(origin_x.size()),
+          direction_z(origin_x.size()),
           t_max(origin_x.size()) {}
 
     AlignedArray<float> origin_x, origin_y, origin_z;
@@ -48,7 +52,10 @@ struct RayBatch {
 /// What each ray of a batch hit.
 struct HitBatch {
     explicit HitBatch(size_t capacity)
-        : object(padded_to_packets(capacity)), primitive(object.size()), u(object.size()), v(object.size()),
+        : object(padded_to_packets(capacity)),
+          primitive(object.size()),
+          u(object.size()),
+          v(object.size()),
           t(object.size()) {}
 
     AlignedArray<uint32_t> object;     ///< Index into Scene::objects; miss; or objects.size() + sphere light index.

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-
 namespace nephroid {
 
 namespace {
@@ -36,7 +35,8 @@ Surfaces::Surfaces(const Scene& scene) : scene_(scene) {
         const InstanceTransform* instance = nullptr;
         if (object.to_world != Mat4(1.0F)) {
             const Mat3 linear(object.to_world);
-            instances_.push_back({object.to_world, glm::transpose(glm::inverse(linear)), glm::determinant(linear) < 0.0F});
+            instances_.push_back(
+                {object.to_world, glm::transpose(glm::inverse(linear)), glm::determinant(linear) < 0.0F});
             instance = &instances_.back();
         }
         const bool textured = has_texture(material) || !mesh.colors.empty();
@@ -104,7 +104,7 @@ void Surfaces::gather_corners(const Record& record, const UintV& primitive, cons
     assign_gathered(active, corners.n2, record.normals, index2);
 }
 
-[[gnu::flatten]] void Surfaces::load_plain(const UintV& object, const UintV& primitive, FloatV::mask_type active,
+NEPHROID_FLATTEN void Surfaces::load_plain(const UintV& object, const UintV& primitive, FloatV::mask_type active,
                                            TriangleCorners<FloatV>& corners, BsdfParameters<FloatV>& bsdf) const {
     const Triple<FloatV> zero{FloatV(0.0F), FloatV(0.0F), FloatV(0.0F)};
     corners = {zero, zero, zero, zero, zero, zero};
@@ -112,7 +112,8 @@ void Surfaces::gather_corners(const Record& record, const UintV& primitive, cons
     // One turn per distinct object among the lanes: neighbouring paths mostly hit the same.
     while (stdx::any_of(active)) {
         const uint32_t id = object[static_cast<size_t>(stdx::find_first_set(active))];
-        const auto same = active && FloatV::mask_type(stdx::static_simd_cast<FloatV>(object ^ UintV(id)) == FloatV(0.0F));
+        const auto same =
+            active && FloatV::mask_type(stdx::static_simd_cast<FloatV>(object ^ UintV(id)) == FloatV(0.0F));
         const Record& record = records_[id];
         gather_corners(record, primitive, same, corners);
         assign(same, bsdf.base, record.constant_bsdf.base);
@@ -125,7 +126,9 @@ void Surfaces::gather_corners(const Record& record, const UintV& primitive, cons
 }
 
 TriangleCorners<float> Surfaces::to_world(const InstanceTransform& transform, const TriangleCorners<float>& corners) {
-    const auto point = [&](const Triple<float>& p) { return to_triple(Vec3(transform.to_world * Vec4(to_vec3(p), 1.0F))); };
+    const auto point = [&](const Triple<float>& p) {
+        return to_triple(Vec3(transform.to_world * Vec4(to_vec3(p), 1.0F)));
+    };
     const auto normal = [&](const Triple<float>& n) { return to_triple(transform.normal_to_world * to_vec3(n)); };
     return {point(corners.p0),  point(corners.p1),  point(corners.p2),
             normal(corners.n0), normal(corners.n1), normal(corners.n2)};
@@ -191,7 +194,8 @@ void Surfaces::apply_normal_map(const Record& record, const Triangle& t, const V
 
     const Material& material = *record.material;
     const TextureReference& texture = material.normal_texture;
-    const Vec3 texel(sample_texture(scene_.images[static_cast<size_t>(texture.image)], texture, surface.uv[texture.uv_set]));
+    const Vec3 texel(
+        sample_texture(scene_.images[static_cast<size_t>(texture.image)], texture, surface.uv[texture.uv_set]));
     const Vec3 local = (2.0F * texel - 1.0F) * Vec3(material.normal_scale, material.normal_scale, 1.0F);
     const Vec3 mapped = tangent * local.x + bitangent * local.y + n * local.z;
     const float mapped_length2 = glm::dot(mapped, mapped);
@@ -206,7 +210,8 @@ BsdfParameters<float> Surfaces::textured_bsdf(const Record& record, const Triang
     float roughness = material.roughness;
     if (!record.mesh->colors.empty()) base *= Rgb(interpolate(record.mesh->colors, t, weights));
     if (const TextureReference& texture = material.base_color_texture; texture.image >= 0) {
-        base *= Rgb(sample_texture(scene_.images[static_cast<size_t>(texture.image)], texture, surface.uv[texture.uv_set]));
+        base *=
+            Rgb(sample_texture(scene_.images[static_cast<size_t>(texture.image)], texture, surface.uv[texture.uv_set]));
     }
     if (const TextureReference& texture = material.metallic_roughness_texture; texture.image >= 0) {
         const Vec4 texel =

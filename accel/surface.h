@@ -17,8 +17,8 @@ struct SurfaceInteraction {
     Vec3 shading_normal{0.0F};    ///< Unit, on the side of geometric_normal.
     BsdfParameters<float> bsdf{};
     Vec2 uv[2]{};
-    float area = 0.0F;            ///< Of the triangle, world space, m^2.
-    bool front = false;           ///< wo lies on the side that the winding calls front.
+    float area = 0.0F;   ///< Of the triangle, world space, m^2.
+    bool front = false;  ///< wo lies on the side that the winding calls front.
 };
 
 /// Looks up surfaces; keeps references to the scene. One compact record per object, so that a hit touches few lines.

@@ -33,7 +33,8 @@ SurfaceGeometry<F> interpolate_surface(const TriangleCorners<F>& c, const F& u, 
     const Triple<F> d = c.p2 * v;
     g.position = a + b + d;
     // Interpolation rounds relative to its terms; Embree's plane test relative to the corners' distance.
-    const Triple<F> extent = maximum(absolute(c.p0 - g.position), maximum(absolute(c.p1 - g.position), absolute(c.p2 - g.position)));
+    const Triple<F> extent =
+        maximum(absolute(c.p0 - g.position), maximum(absolute(c.p1 - g.position), absolute(c.p2 - g.position)));
     g.error = (absolute(a) + absolute(b) + absolute(d) + extent) * F(rounding_bound(8));
 
     const Triple<F> normal = cross(c.p1 - c.p0, c.p2 - c.p0);

@@ -20,7 +20,7 @@ class AliasTable {
 
   private:
     struct Entry {
-        float threshold;    ///< Below it the entry itself, above it its alias.
+        float threshold;  ///< Below it the entry itself, above it its alias.
         uint32_t alias;
         float probability;  ///< Of this entry's own index.
     };

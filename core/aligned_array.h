@@ -17,7 +17,7 @@ class AlignedArray {
 
   public:
     explicit AlignedArray(size_t size)
-        : size_(size), data_(static_cast<T*>(::operator new(size * sizeof(T), std::align_val_t{simd_alignment}))) {
+        : size_(size), data_(static_cast<T*>(::operator new (size * sizeof(T), std::align_val_t{simd_alignment}))) {
         std::fill_n(data_.get(), size, T());
     }
 
@@ -29,7 +29,7 @@ class AlignedArray {
 
   private:
     struct Release {
-        void operator()(T* pointer) const { ::operator delete(pointer, std::align_val_t{simd_alignment}); }
+        void operator()(T* pointer) const { ::operator delete (pointer, std::align_val_t{simd_alignment}); }
     };
     size_t size_;
     std::unique_ptr<T, Release> data_;

@@ -7,9 +7,10 @@
 // Energy split: light enters the base through the coat and leaves it through the coat, hence T twice; dividing by the
 // mean of T over the hemisphere accounts for what the coat sends back into the base, so that the base's albedo is
 // T(cos_o) * base. glTF's own example (Appendix B) has 1 - F(v.h) instead, which reflects up to 1.5 times the light
-// that arrives at grazing angles; this form is reciprocal too and its albedo stays below one. Directions are local (z = shading normal) and point away from the surface; values include the cosine of
-// wi; densities are per solid angle. alpha = roughness^2; below `delta_alpha` S is a perfect mirror (delta) and only
-// the diffuse part is evaluated. Templates over F = float or FloatV.
+// that arrives at grazing angles; this form is reciprocal too and its albedo stays below one. Directions are local (z =
+// shading normal) and point away from the surface; values include the cosine of wi; densities are per solid angle.
+// alpha = roughness^2; below `delta_alpha` S is a perfect mirror (delta) and only the diffuse part is evaluated.
+// Templates over F = float or FloatV.
 #pragma once
 
 #include "core/frame.h"
@@ -23,11 +24,11 @@ inline constexpr float delta_alpha = 1e-4F;
 /// The material at one surface point, textures resolved.
 template <class F>
 struct BsdfParameters {
-    Triple<F> base;      ///< Albedo of the base, F0 of the metal; in [0, 1].
-    Triple<F> coat_f0;   ///< Reflectance of the dielectric coat at normal incidence.
-    F coat_f90;          ///< The same at grazing incidence.
-    F metallic;          ///< 0 .. 1.
-    F alpha;             ///< GGX width, 0 .. 1.
+    Triple<F> base;     ///< Albedo of the base, F0 of the metal; in [0, 1].
+    Triple<F> coat_f0;  ///< Reflectance of the dielectric coat at normal incidence.
+    F coat_f90;         ///< The same at grazing incidence.
+    F metallic;         ///< 0 .. 1.
+    F alpha;            ///< GGX width, 0 .. 1.
 };
 
 /// (1 - x)^5 of Schlick's approximation.

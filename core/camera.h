@@ -15,10 +15,10 @@ struct Camera {
     std::string name;
     CameraKind kind = CameraKind::perspective;
     Mat4 to_world{1.0F};
-    float yfov = 0.8F;          ///< Perspective: vertical field of view, radians, in (0, pi).
-    float aspect = 0.0F;        ///< Width / height of the file; 0: none given.
-    float xmag = 1.0F;          ///< Orthographic: half width, metres.
-    float ymag = 1.0F;          ///< Orthographic: half height, metres.
+    float yfov = 0.8F;    ///< Perspective: vertical field of view, radians, in (0, pi).
+    float aspect = 0.0F;  ///< Width / height of the file; 0: none given.
+    float xmag = 1.0F;    ///< Orthographic: half width, metres.
+    float ymag = 1.0F;    ///< Orthographic: half height, metres.
 };
 
 /// Rays through the film of a camera. Both kinds are linear in the film position, which is in pixels from the top left

@@ -13,9 +13,9 @@ inline constexpr float max_caster_alpha = 0.1F;        ///< Rougher surfaces foc
 inline constexpr float max_small_light_angle = 0.01F;  ///< Radius over distance, radians.
 
 struct CasterReport {
-    std::vector<uint8_t> is_caster;       ///< Per object.
-    std::vector<std::string> reason;      ///< Per object: why, or why not, in words.
-    std::vector<uint32_t> small_lights;   ///< Indices into Scene::lights: those that are small for some reflector.
+    std::vector<uint8_t> is_caster;      ///< Per object.
+    std::vector<std::string> reason;     ///< Per object: why, or why not, in words.
+    std::vector<uint32_t> small_lights;  ///< Indices into Scene::lights: those that are small for some reflector.
 };
 
 /// A caster is a reflecting surface of alpha <= max_caster_alpha that a small light (point, spot, directional, or a

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/image_io.h"
+#include "core/simd.h"
 
 namespace nephroid {
 
@@ -14,14 +15,14 @@ float srgb_to_linear(float encoded) {
 }
 
 struct LatLong {
-    float u, v;
+    float u, v, sin_theta;
 };
 
 LatLong to_lat_long(const Vec3& d) {
     const float u = 0.5F + std::atan2(d.x, -d.z) * (0.5F * inv_pi);
     // acos loses digits near the poles; atan2 does not.
-    const float v = std::atan2(std::hypot(d.x, d.z), d.y) * inv_pi;
-    return {u, v};
+    const float sin_theta = std::sqrt(d.x * d.x + d.z * d.z);
+    return {u, std::atan2(sin_theta, d.y) * inv_pi, sin_theta};
 }
 
 /// Last index i with cdf[i] <= u; cdf has n + 1 entries from 0 to 1.
@@ -64,7 +65,8 @@ EnvironmentMap load_environment(const std::string& path, float scale, Warnings& 
     for (size_t i = 0; i < pixels * 3; ++i) {
         const size_t source = i / 3 * channels + std::min(i % 3, channels - 1);
         const bool is_float = image.storage == Image::Storage::float32;
-        float value = is_float ? image.floats[source] : srgb_to_linear(static_cast<float>(image.bytes[source]) / 255.0F);
+        float value =
+            is_float ? image.floats[source] : srgb_to_linear(static_cast<float>(image.bytes[source]) / 255.0F);
         if (!std::isfinite(value) || value < 0.0F) {
             value = 0.0F;
             ++replaced;
@@ -72,7 +74,8 @@ EnvironmentMap load_environment(const std::string& path, float scale, Warnings& 
         map.image.floats[i] = value;
     }
     if (replaced > 0) {
-        warnings.push_back(path + ": environment: " + std::to_string(replaced) + " negative or non-finite values became black");
+        warnings.push_back(path + ": environment: " + std::to_string(replaced) +
+                           " negative or non-finite values became black");
     }
     return map;
 }
@@ -97,8 +100,8 @@ Environment::Environment(const EnvironmentMap& map)
         for (size_t x = 0; x < width_; ++x) {
             float brightest = 0.0F;
             for (int dy = -1; dy <= 1; ++dy) {
-                const auto row = static_cast<size_t>(
-                    std::clamp<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(y) + dy, 0, static_cast<std::ptrdiff_t>(height_) - 1));
+                const auto row = static_cast<size_t>(std::clamp<std::ptrdiff_t>(
+                    static_cast<std::ptrdiff_t>(y) + dy, 0, static_cast<std::ptrdiff_t>(height_) - 1));
                 for (size_t dx = 0; dx < 3; ++dx) {
                     brightest = std::max(brightest, luminance(texels_[row * width_ + (x + width_ + dx - 1) % width_]));
                 }
@@ -112,10 +115,9 @@ Environment::Environment(const EnvironmentMap& map)
     total_luminance_ = static_cast<float>(total * 2.0 * M_PI * M_PI / static_cast<double>(width_ * height_));
 }
 
-Rgb Environment::radiance(const Vec3& d) const {
-    const LatLong at = to_lat_long(d);
-    const float x = at.u * static_cast<float>(width_) - 0.5F;
-    const float y = std::clamp(at.v * static_cast<float>(height_) - 0.5F, 0.0F, static_cast<float>(height_ - 1));
+Rgb Environment::radiance_at(float u, float v) const {
+    const float x = u * static_cast<float>(width_) - 0.5F;
+    const float y = std::clamp(v * static_cast<float>(height_) - 0.5F, 0.0F, static_cast<float>(height_ - 1));
     const float x_floor = std::floor(x);
     const float fx = x - x_floor;
     const int w = static_cast<int>(width_);
@@ -136,27 +138,30 @@ float Environment::pdf_of_cell(int x, int y, float sin_theta) const {
     return in_row * in_column * static_cast<float>(width_ * height_) / (2.0F * pi * pi * sin_theta);
 }
 
-float Environment::pdf(const Vec3& d) const {
+Environment::Evaluation Environment::evaluate(const Vec3& d) const {
     const LatLong at = to_lat_long(d);
     const int x = std::clamp(static_cast<int>(at.u * static_cast<float>(width_)), 0, static_cast<int>(width_) - 1);
     const int y = std::clamp(static_cast<int>(at.v * static_cast<float>(height_)), 0, static_cast<int>(height_) - 1);
-    return pdf_of_cell(x, y, std::hypot(d.x, d.z));
+    return {radiance_at(at.u, at.v), pdf_of_cell(x, y, at.sin_theta)};
 }
 
-Vec3 Environment::sample(Vec2 u, float& pdf_solid_angle) const {
-    const size_t y = find_interval(row_cdf_.data(), height_, u.y);
+Vec3 Environment::sample(Vec2 random, Evaluation& evaluation) const {
+    const size_t y = find_interval(row_cdf_.data(), height_, random.y);
     const float* columns = &column_cdf_[y * (width_ + 1)];
-    const size_t x = find_interval(columns, width_, u.x);
+    const size_t x = find_interval(columns, width_, random.x);
     const auto inside = [](const float* cdf, size_t i, float value) {
         const float step = cdf[i + 1] - cdf[i];
         return step > 0.0F ? std::clamp((value - cdf[i]) / step, 0.0F, 0.9999999F) : 0.5F;
     };
-    const float azimuth =
-        2.0F * pi * ((static_cast<float>(x) + inside(columns, x, u.x)) / static_cast<float>(width_) - 0.5F);
-    const float theta = pi * (static_cast<float>(y) + inside(row_cdf_.data(), y, u.y)) / static_cast<float>(height_);
-    const float sin_theta = std::sin(theta);
-    pdf_solid_angle = total_luminance_ > 0.0F ? pdf_of_cell(static_cast<int>(x), static_cast<int>(y), sin_theta) : 0.0F;
-    return {sin_theta * std::sin(azimuth), std::cos(theta), -sin_theta * std::cos(azimuth)};
+    const float u = (static_cast<float>(x) + inside(columns, x, random.x)) / static_cast<float>(width_);
+    const float v = (static_cast<float>(y) + inside(row_cdf_.data(), y, random.y)) / static_cast<float>(height_);
+    float sin_theta, cos_theta, sin_phi, cos_phi;
+    sincos_turn(0.5F * v, sin_theta, cos_theta);
+    sincos_turn(u, sin_phi, cos_phi);
+    evaluation.radiance = radiance_at(u, v);
+    evaluation.pdf = total_luminance_ > 0.0F ? pdf_of_cell(static_cast<int>(x), static_cast<int>(y), sin_theta) : 0.0F;
+    // The azimuth is 2 pi (u - 1/2), half a turn behind u.
+    return {-sin_theta * sin_phi, cos_theta, sin_theta * cos_phi};
 }
 
 }  // namespace nephroid

@@ -20,17 +20,22 @@ class Environment {
   public:
     explicit Environment(const EnvironmentMap& map);
 
-    /// Radiance arriving from unit direction d, W/(m^2 sr).
-    Rgb radiance(const Vec3& d) const;
-    /// Density of sample(), per solid angle; positive wherever radiance is.
-    float pdf(const Vec3& d) const;
-    /// Direction drawn by importance, with its density (0: no light at all).
-    Vec3 sample(Vec2 u, float& pdf_solid_angle) const;
+    struct Evaluation {
+        Rgb radiance{0.0F};  ///< Arriving from the direction, W/(m^2 sr).
+        float pdf = 0.0F;    ///< Density of sample(), per solid angle; positive wherever radiance is.
+    };
+    Evaluation evaluate(const Vec3& d) const;
+    Rgb radiance(const Vec3& d) const { return evaluate(d).radiance; }
+    float pdf(const Vec3& d) const { return evaluate(d).pdf; }
+
+    /// Unit direction drawn by importance, with what evaluate says of it (pdf 0: no light at all).
+    Vec3 sample(Vec2 u, Evaluation& evaluation) const;
     /// Integral of the luminance over the sphere, W/m^2.
     float total_luminance() const { return total_luminance_; }
 
   private:
     const Rgb& texel(int x, int y) const { return texels_[static_cast<size_t>(y) * width_ + static_cast<size_t>(x)]; }
+    Rgb radiance_at(float u, float v) const;
     float pdf_of_cell(int x, int y, float sin_theta) const;
 
     size_t width_ = 0;

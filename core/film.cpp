@@ -95,7 +95,8 @@ std::vector<float> Film::mean(const std::vector<double>& sums, size_t channels) 
 std::vector<float> Film::normal() const {
     std::vector<float> result = mean(normal_, 3);
     for (size_t i = 0; i + 2 < result.size(); i += 3) {
-        const float length = std::sqrt(result[i] * result[i] + result[i + 1] * result[i + 1] + result[i + 2] * result[i + 2]);
+        const float length =
+            std::sqrt(result[i] * result[i] + result[i + 1] * result[i + 1] + result[i + 2] * result[i + 2]);
         for (size_t c = 0; c < 3 && length > 0.0F; ++c) result[i + c] /= length;
     }
     return result;

@@ -41,7 +41,7 @@ inline constexpr size_t max_slots_per_block = size_t{tile_size} * tile_size * ma
 struct SampleBuffer {
     SampleBuffer();
     AlignedArray<float> radiance[3];
-    AlignedArray<float> caustic[3];  ///< Part of radiance that arrived as a caustic.
+    AlignedArray<float> caustic[3];                   ///< Part of radiance that arrived as a caustic.
     AlignedArray<float> albedo[3], normal[3], depth;  ///< Of the first hit; zero where nothing was hit.
 };
 
@@ -50,7 +50,7 @@ struct SampleBuffer {
 struct SampleBlock {
     int tile_x = 0;  ///< Pixel coordinates of the tile's corner.
     int tile_y = 0;
-    uint32_t pixel_count = 0;  ///< Pixels of the tile inside the image.
+    uint32_t pixel_count = 0;                ///< Pixels of the tile inside the image.
     uint8_t pixel_x[tile_size * tile_size];  ///< Offsets inside the tile.
     uint8_t pixel_y[tile_size * tile_size];
     uint32_t first_sample = 0;
@@ -79,8 +79,8 @@ class Film {
     const PixelRegion& crop() const { return crop_; }
     const AovSelection& aovs() const { return aovs_; }
 
-    /// Adds samples [skip, skip + take) of the block. Non-finite ones count as black and are counted. Different tiles may
-    /// be added concurrently.
+    /// Adds samples [skip, skip + take) of the block. Non-finite ones count as black and are counted. Different tiles
+    /// may be added concurrently.
     void add(const SampleBlock& block, uint32_t skip, uint32_t take, const SampleBuffer& buffer);
 
     /// Mean of a layer: interleaved, crop.width() * crop.height() * channels values.
@@ -110,7 +110,8 @@ class Film {
   private:
     std::vector<float> mean(const std::vector<double>& sums, size_t channels) const;
     size_t pixel_index(int x, int y) const {
-        return static_cast<size_t>(y - crop_.y0) * static_cast<size_t>(crop_.width()) + static_cast<size_t>(x - crop_.x0);
+        return static_cast<size_t>(y - crop_.y0) * static_cast<size_t>(crop_.width()) +
+               static_cast<size_t>(x - crop_.x0);
     }
 
     int image_width_;

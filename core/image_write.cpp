@@ -31,7 +31,8 @@ void write_file(const std::string& path, const OIIO::ImageSpec& spec, OIIO::Type
     const std::string message = written ? std::string() : output->geterror();
     if (!output->close() || !written) {
         std::remove(temporary.c_str());
-        fail(path, "cannot be written (" + (message.empty() ? output->geterror() : message) + "); check space and permissions");
+        fail(path, "cannot be written (" + (message.empty() ? output->geterror() : message) +
+                       "); check space and permissions");
     }
     commit_file(temporary, path);
 }
@@ -42,7 +43,8 @@ float srgb_encode(float linear) {
 
 float exposure_of(const std::vector<float>& rgb) {
     std::vector<float> luminances(rgb.size() / 3);
-    for (size_t i = 0; i < luminances.size(); ++i) luminances[i] = luminance({rgb[i * 3], rgb[i * 3 + 1], rgb[i * 3 + 2]});
+    for (size_t i = 0; i < luminances.size(); ++i)
+        luminances[i] = luminance({rgb[i * 3], rgb[i * 3 + 1], rgb[i * 3 + 2]});
     if (luminances.empty()) return 1.0F;
     const auto position = luminances.begin() + static_cast<std::ptrdiff_t>((luminances.size() * 95 - 1) / 100);
     std::nth_element(luminances.begin(), position, luminances.end());
@@ -59,7 +61,8 @@ float compress_highlight(float x) {
 
 std::string temporary_path(const std::string& path) {
     const std::filesystem::path target(path);
-    const std::string name = "." + target.stem().string() + "." + std::to_string(::getpid()) + ".tmp" + target.extension().string();
+    const std::string name =
+        "." + target.stem().string() + "." + std::to_string(::getpid()) + ".tmp" + target.extension().string();
     return (target.parent_path() / name).string();
 }
 
@@ -81,7 +84,8 @@ void check_output_path(const std::string& path) {
     if (std::filesystem::is_directory(path)) fail(path, "is a folder; name a file");
     const std::string temporary = temporary_path(path);
     std::FILE* file = std::fopen(temporary.c_str(), "wb");
-    if (file == nullptr) fail(path, std::string("cannot be created (") + std::strerror(errno) + "); check folder and permissions");
+    if (file == nullptr)
+        fail(path, std::string("cannot be created (") + std::strerror(errno) + "); check folder and permissions");
     std::fclose(file);
     std::remove(temporary.c_str());
 }

@@ -29,8 +29,8 @@ EmissiveTriangle triangle_of(const Scene& scene, const TriangleLight& light) {
 void interpolate_uv(const Mesh& mesh, const Triangle& t, Vec2 b, Vec2 uv[2]) {
     for (size_t set = 0; set < 2; ++set) {
         const auto& values = mesh.uvs[set];
-        uv[set] = values.empty() ? Vec2(0.0F)
-                                 : (1.0F - b.x - b.y) * values[t[0]] + b.x * values[t[1]] + b.y * values[t[2]];
+        uv[set] =
+            values.empty() ? Vec2(0.0F) : (1.0F - b.x - b.y) * values[t[0]] + b.x * values[t[1]] + b.y * values[t[2]];
     }
 }
 
@@ -41,7 +41,8 @@ float triangle_power(const Scene& scene, const Mesh& mesh, const Material& mater
     if (!std::isfinite(area)) return 0.0F;
     float emitted = luminance(material.emission);
     if (material.emissive_texture.image >= 0) {
-        constexpr Vec2 probes[] = {{0.33F, 0.33F}, {0.1F, 0.1F}, {0.8F, 0.1F}, {0.1F, 0.8F}, {0.45F, 0.1F}, {0.1F, 0.45F}};
+        constexpr Vec2 probes[] = {{0.33F, 0.33F}, {0.1F, 0.1F},  {0.8F, 0.1F},
+                                   {0.1F, 0.8F},   {0.45F, 0.1F}, {0.1F, 0.45F}};
         float sum = 0.0F;
         for (const Vec2& b : probes) {
             Vec2 uv[2];
@@ -82,11 +83,15 @@ LightSet::LightSet(const Scene& scene) : scene_(scene), first_triangle_(scene.ob
         const float intensity = luminance(light.intensity);
         switch (light.kind) {
             case LightKind::point:
-            case LightKind::sphere: powers.push_back(4.0F * pi * intensity); break;
+            case LightKind::sphere:
+                powers.push_back(4.0F * pi * intensity);
+                break;
             case LightKind::spot:
                 powers.push_back(2.0F * pi * intensity * (1.0F - 0.5F * (light.cos_inner + light.cos_outer)));
                 break;
-            case LightKind::directional: powers.push_back(intensity * scene_area); break;
+            case LightKind::directional:
+                powers.push_back(intensity * scene_area);
+                break;
         }
         hittable_ |= light.kind == LightKind::sphere;
     }
@@ -122,8 +127,10 @@ LightSample LightSet::sample(float u_select, Vec2 u, const Vec3& p) const {
     } else if (const size_t triangle = light - scene_.lights.size(); triangle < triangles_.size()) {
         sample = sample_triangle(triangles_[triangle], u, p);
     } else {
-        sample.wi = environment_->sample(u, sample.pdf);
-        sample.radiance = environment_->radiance(sample.wi);
+        Environment::Evaluation evaluation;
+        sample.wi = environment_->sample(u, evaluation);
+        sample.pdf = evaluation.pdf;
+        sample.radiance = evaluation.radiance;
         sample.infinite = true;
     }
     sample.pdf *= probability;
@@ -204,10 +211,6 @@ float LightSet::pdf_sphere(uint32_t light, const Vec3& p) const {
     const float distance2 = glm::dot(to_light, to_light);
     if (distance2 <= sphere.radius * sphere.radius) return 0.0F;
     return selection_.probability(light) * uniform_cone_pdf(sphere_one_minus_cos(sphere.radius, distance2));
-}
-
-float LightSet::pdf_environment(const Vec3& wi) const {
-    return environment_ ? selection_.probability(size() - 1) * environment_->pdf(wi) : 0.0F;
 }
 
 }  // namespace nephroid

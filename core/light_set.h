@@ -18,8 +18,8 @@ namespace nephroid {
 
 /// A direction towards a light, seen from a point.
 struct LightSample {
-    Vec3 wi{0.0F};        ///< Unit, towards the light.
-    Vec3 target{0.0F};    ///< Where the shadow ray ends, already clear of the light's surface; unused where infinite.
+    Vec3 wi{0.0F};          ///< Unit, towards the light.
+    Vec3 target{0.0F};      ///< Where the shadow ray ends, already clear of the light's surface; unused where infinite.
     bool infinite = false;  ///< Directional and environment lights: the shadow ray has no end.
     bool delta = false;     ///< No other strategy finds this light: pdf is the probability of its selection.
     Rgb radiance{0.0F};     ///< Arriving along -wi without occlusion: W/(m^2 sr); delta: irradiance, W/m^2.
@@ -56,11 +56,12 @@ class LightSet {
 
     /// Density of sample() for the emissive triangle of an object that a ray from p hit at `hit` with geometric
     /// normal n (unit) and area (m^2).
-    float pdf_triangle(uint32_t object, uint32_t triangle, float area, const Vec3& p, const Vec3& hit, const Vec3& n) const;
+    float pdf_triangle(uint32_t object, uint32_t triangle, float area, const Vec3& p, const Vec3& hit,
+                       const Vec3& n) const;
     /// The same for a sphere light (index into Scene::lights).
     float pdf_sphere(uint32_t light, const Vec3& p) const;
-    /// The same for the environment in direction wi.
-    float pdf_environment(const Vec3& wi) const;
+    /// Probability of selecting the environment; its density is that times Environment::evaluate's.
+    float environment_probability() const { return selection_.probability(size() - 1); }
 
     /// Radiance that a sphere light emits, W/(m^2 sr).
     static Rgb sphere_radiance(const PunctualLight& light);

@@ -14,15 +14,15 @@ using Triangle = std::array<uint32_t, 3>;
 
 struct Mesh {
     std::string name;
-    int material = 0;                  ///< Index into Scene::materials; always valid.
-    std::vector<Triangle> triangles;   ///< Indices below positions.size().
+    int material = 0;                 ///< Index into Scene::materials; always valid.
+    std::vector<Triangle> triangles;  ///< Indices below positions.size().
     /// Object space (metres), or world space once `flatten_single_use_meshes` has run. The vector's capacity exceeds
     /// its size by at least one: Embree may read 4 bytes past the last vertex.
     std::vector<Vec3> positions;
-    std::vector<Vec3> normals;                 ///< Unit shading normals per vertex; empty: the geometric normal.
-    std::array<std::vector<Vec2>, 2> uvs;      ///< TEXCOORD_0 and _1; empty where the material needs none.
-    std::vector<Vec4> tangents;                ///< xyz unit, w = +-1 handedness; only where a normal map needs them.
-    std::vector<Vec4> colors;                  ///< COLOR_0, linear RGBA; empty: white.
+    std::vector<Vec3> normals;             ///< Unit shading normals per vertex; empty: the geometric normal.
+    std::array<std::vector<Vec2>, 2> uvs;  ///< TEXCOORD_0 and _1; empty where the material needs none.
+    std::vector<Vec4> tangents;            ///< xyz unit, w = +-1 handedness; only where a normal map needs them.
+    std::vector<Vec4> colors;              ///< COLOR_0, linear RGBA; empty: white.
 };
 
 /// A mesh placed in the world.

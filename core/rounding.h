@@ -26,7 +26,8 @@ F nudge(const F& x, const F& towards) {
 /// Origin of a ray that leaves point p, known up to +-error per coordinate, of a surface with unit normal n on the side
 /// of `direction`: outside the slab that the error box spans about the surface (Pharr et al. 2023, Sec. 6.8.6).
 template <class F>
-Triple<F> offset_ray_origin(const Triple<F>& p, const Triple<F>& error, const Triple<F>& n, const Triple<F>& direction) {
+Triple<F> offset_ray_origin(const Triple<F>& p, const Triple<F>& error, const Triple<F>& n,
+                            const Triple<F>& direction) {
     const F slab = absolute(n.x) * error.x + absolute(n.y) * error.y + absolute(n.z) * error.z;
     const Triple<F> offset = n * select(dot(n, direction) < F(0.0F), -slab, slab);
     const Triple<F> origin = p + offset;

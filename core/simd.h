@@ -15,6 +15,14 @@
 
 #include "core/vec.h"
 
+// For functions that work on vectors: what they call is inlined, however deep, because vectors that are passed to a
+// function travel through memory. Not under sanitizers, whose checks make the inlined code enormous.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define NEPHROID_FLATTEN
+#else
+#define NEPHROID_FLATTEN [[gnu::flatten]]
+#endif
+
 namespace nephroid {
 
 namespace stdx = std::experimental;
@@ -92,16 +100,16 @@ inline __mmask16 mask_bits(const FloatV::mask_type& mask) {
 /// base[index] of each lane where `active`; zero elsewhere. Inactive lanes read nothing.
 inline FloatV gather(const float* base, const UintV& index, const FloatV::mask_type& active) {
 #if defined(__AVX512F__)
-    return FloatV(_mm512_mask_i32gather_ps(_mm512_setzero_ps(), mask_bits(active),
-                                           static_cast<__m512i>(index), base, 4));
+    return FloatV(
+        _mm512_mask_i32gather_ps(_mm512_setzero_ps(), mask_bits(active), static_cast<__m512i>(index), base, 4));
 #else
     return FloatV([&](auto lane) { return active[lane] ? base[index[lane]] : 0.0F; });
 #endif
 }
 inline UintV gather(const uint32_t* base, const UintV& index, const FloatV::mask_type& active) {
 #if defined(__AVX512F__)
-    return UintV(_mm512_mask_i32gather_epi32(_mm512_setzero_si512(), mask_bits(active),
-                                             static_cast<__m512i>(index), base, 4));
+    return UintV(
+        _mm512_mask_i32gather_epi32(_mm512_setzero_si512(), mask_bits(active), static_cast<__m512i>(index), base, 4));
 #else
     return UintV([&](auto lane) { return active[lane] ? base[index[lane]] : 0U; });
 #endif
@@ -140,7 +148,8 @@ inline UintV lane_numbers() {
 }
 /// The lanes below `count`.
 inline FloatV::mask_type first_lanes(size_t count) {
-    return stdx::static_simd_cast<FloatV>(stdx::static_simd_cast<IntV>(lane_numbers())) < FloatV(static_cast<float>(count));
+    return stdx::static_simd_cast<FloatV>(stdx::static_simd_cast<IntV>(lane_numbers())) <
+           FloatV(static_cast<float>(count));
 }
 
 /// sin(2 pi u) and cos(2 pi u) for u in [0, 1], to 2e-7 absolute: minimax polynomials on a quarter turn, no table, no

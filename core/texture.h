@@ -26,8 +26,8 @@ enum class WrapMode : uint8_t { repeat, mirrored_repeat, clamp_to_edge };
 
 /// How a material slot reads an image. image < 0: the slot has no texture and the factor alone counts.
 struct TextureReference {
-    int image = -1;   ///< Index into Scene::images.
-    int uv_set = 0;   ///< 0 or 1: TEXCOORD_0 or TEXCOORD_1.
+    int image = -1;  ///< Index into Scene::images.
+    int uv_set = 0;  ///< 0 or 1: TEXCOORD_0 or TEXCOORD_1.
     WrapMode wrap_u = WrapMode::repeat;
     WrapMode wrap_v = WrapMode::repeat;
     bool nearest = false;  ///< Nearest texel instead of bilinear interpolation.

@@ -24,7 +24,8 @@ class Writer {
     template <class T>
     void array(const std::vector<T>& values) {
         value(static_cast<uint64_t>(values.size()));
-        file_.write(reinterpret_cast<const char*>(values.data()), static_cast<std::streamsize>(values.size() * sizeof(T)));
+        file_.write(reinterpret_cast<const char*>(values.data()),
+                    static_cast<std::streamsize>(values.size() * sizeof(T)));
         hash_.add(values);
     }
     bool finish() {

@@ -34,14 +34,16 @@ struct ThreadState {
 };
 
 uint32_t block_start(uint32_t sample) {
-    return sample < 2 ? sample : (sample < max_samples_per_block ? 2 : sample / max_samples_per_block * max_samples_per_block);
+    return sample < 2 ? sample
+                      : (sample < max_samples_per_block ? 2 : sample / max_samples_per_block * max_samples_per_block);
 }
 
 class RenderLoop {
   public:
     RenderLoop(const Integrator& integrator, Film& film, const DriverSettings& settings, Progress& progress)
-        : film_(film), settings_(settings), progress_(progress), start_(Clock::now()),
-          states_([&integrator] { return ThreadState{integrator.make_worker(), SampleBuffer()}; }) {
+        : film_(film), settings_(settings), progress_(progress), start_(Clock::now()), states_([&integrator] {
+              return ThreadState{integrator.make_worker(), SampleBuffer()};
+          }) {
         const PixelRegion& crop = film.crop();
         for (int y = crop.y0 / tile_size * tile_size; y < crop.y1; y += tile_size) {
             for (int x = crop.x0 / tile_size * tile_size; x < crop.x1; x += tile_size) {
@@ -50,8 +52,9 @@ class RenderLoop {
         }
         data_.tile_samples.assign(tiles_.size(), 0);
         if (settings.seconds) {
-            deadline_ = settings.process_start + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
-                                                     std::max(*settings.seconds - settings.reserved_seconds, 0.0)));
+            deadline_ =
+                settings.process_start + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
+                                             std::max(*settings.seconds - settings.reserved_seconds, 0.0)));
         }
     }
 
@@ -75,7 +78,9 @@ class RenderLoop {
         for (const ThreadState& state : states_) total += state.worker->rays();
         return total;
     }
-    uint32_t first_unfinished() const { return *std::min_element(data_.tile_samples.begin(), data_.tile_samples.end()); }
+    uint32_t first_unfinished() const {
+        return *std::min_element(data_.tile_samples.begin(), data_.tile_samples.end());
+    }
     bool past_deadline() const { return deadline_ && Clock::now() >= *deadline_; }
 
     void resume() {
@@ -142,7 +147,8 @@ class RenderLoop {
         if (!progress_mutex_.try_lock()) return;
         const std::lock_guard lock(progress_mutex_, std::adopt_lock);
         const double pass_share = static_cast<double>(done) / static_cast<double>(tiles_.size());
-        progress_.update(share(pass_first_ + pass_share * (pass_end_ - pass_first_)), pass_number(), pass_first_, noise_);
+        progress_.update(share(pass_first_ + pass_share * (pass_end_ - pass_first_)), pass_number(), pass_first_,
+                         noise_);
     }
 
     /// Share of the whole render, by the limit that is nearest.
@@ -216,7 +222,8 @@ class RenderLoop {
 }  // namespace
 
 RenderResult run_render(const Integrator& integrator, Film& film, const DriverSettings& settings, Progress& progress) {
-    const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(settings.threads));
+    const tbb::global_control threads(tbb::global_control::max_allowed_parallelism,
+                                      static_cast<size_t>(settings.threads));
     return RenderLoop(integrator, film, settings, progress).run();
 }
 

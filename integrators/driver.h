@@ -16,9 +16,9 @@
 namespace nephroid {
 
 struct DriverSettings {
-    std::optional<uint32_t> spp;     ///< Stop at this many samples per pixel.
-    std::optional<double> seconds;   ///< Stop so that the process ends this long after its start.
-    std::optional<double> noise;     ///< Stop at this relative noise (Film::relative_noise).
+    std::optional<uint32_t> spp;    ///< Stop at this many samples per pixel.
+    std::optional<double> seconds;  ///< Stop so that the process ends this long after its start.
+    std::optional<double> noise;    ///< Stop at this relative noise (Film::relative_noise).
     int threads = 1;
     std::chrono::steady_clock::time_point process_start;
     double reserved_seconds = 0.0;   ///< Kept free at the end of `seconds` for writing the output.
@@ -26,7 +26,7 @@ struct DriverSettings {
     std::string checkpoint;          ///< File; empty: none.
     double checkpoint_every = 60.0;  ///< Seconds.
     bool resume = false;
-    uint64_t fingerprint = 0;        ///< Of scene and settings, for checkpoints.
+    uint64_t fingerprint = 0;  ///< Of scene and settings, for checkpoints.
 };
 
 struct PassRecord {

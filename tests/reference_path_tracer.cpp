@@ -73,7 +73,8 @@ Rgb reference_sample(const RenderContext& context, int x, int y, uint32_t index)
     const Vec2 jitter = stream.next_pair();
     const float film_x = static_cast<float>(x) + jitter.x;
     const float film_y = static_cast<float>(y) + jitter.y;
-    const Ray ray{to_vec3(context.camera_rays.origin(film_x, film_y)), to_vec3(context.camera_rays.direction(film_x, film_y))};
+    const Ray ray{to_vec3(context.camera_rays.origin(film_x, film_y)),
+                  to_vec3(context.camera_rays.direction(film_x, film_y))};
     return radiance(context, ray, context.max_depth, stream);
 }
 

@@ -35,7 +35,8 @@ struct Bins {
     double step;
 
     explicit Bins(double smallest_angle)
-        : log_smallest(std::log(0.5 * smallest_angle * smallest_angle)), step((std::log(2.0) - log_smallest) / (angle_bins - 1)) {}
+        : log_smallest(std::log(0.5 * smallest_angle * smallest_angle)),
+          step((std::log(2.0) - log_smallest) / (angle_bins - 1)) {}
     int index(double one_minus_cos) const {
         if (!(one_minus_cos > 0.0)) return 0;
         const double y = (std::log(one_minus_cos) - log_smallest) / step;
@@ -44,7 +45,8 @@ struct Bins {
     double lower(int i) const { return i == 0 ? 0.0 : std::exp(log_smallest + step * (i - 1)); }
 };
 
-double integrate_bin(const std::function<double(const Vec3&)>& pdf, const Frame<double>& frame, const Bins& bins, int i, int j) {
+double integrate_bin(const std::function<double(const Vec3&)>& pdf, const Frame<double>& frame, const Bins& bins, int i,
+                     int j) {
     double sum = 0.0;
     const double begin = bins.lower(i);
     const double width = bins.lower(i + 1) - begin;
@@ -53,7 +55,8 @@ double integrate_bin(const std::function<double(const Vec3&)>& pdf, const Frame<
         const double radius = std::sqrt(std::max(one_minus_cos * (2.0 - one_minus_cos), 0.0));
         for (int b = 0; b < subdivisions; ++b) {
             const double phi = 2.0 * M_PI * (j + (b + 0.5) / subdivisions) / azimuth_bins;
-            const Triple<double> d = frame.to_world({radius * std::cos(phi), radius * std::sin(phi), 1.0 - one_minus_cos});
+            const Triple<double> d =
+                frame.to_world({radius * std::cos(phi), radius * std::sin(phi), 1.0 - one_minus_cos});
             sum += pdf(Vec3(d.x, d.y, d.z));
         }
     }
@@ -98,8 +101,8 @@ ChiSquareResult chi_square_directions(const std::function<DirectionDraw(Vec2 u, 
         if (term > worst) {
             worst = term;
             char text[160];
-            std::snprintf(text, sizeof(text), "angle bin %d (from %.3g rad), azimuth bin %d: expected %.1f, found %.0f", i,
-                          std::sqrt(2.0 * bins.lower(i)), j, expected, found);
+            std::snprintf(text, sizeof(text), "angle bin %d (from %.3g rad), azimuth bin %d: expected %.1f, found %.0f",
+                          i, std::sqrt(2.0 * bins.lower(i)), j, expected, found);
             result.worst_bin = text;
         }
     };

@@ -30,9 +30,9 @@ double critical_z(double significance);
 struct ChiSquareResult {
     double p_value = 0.0;
     double degrees_of_freedom = 0.0;
-    double sampled_share = 0.0;   ///< Of all draws that were valid directions.
-    double integral = 0.0;        ///< Of the density over the sphere.
-    std::string worst_bin;        ///< Where the largest deviation is, for the failure message.
+    double sampled_share = 0.0;  ///< Of all draws that were valid directions.
+    double integral = 0.0;       ///< Of the density over the sphere.
+    std::string worst_bin;       ///< Where the largest deviation is, for the failure message.
 };
 
 /// A drawn direction; ok = false: the sampler failed (absorbed), which the density must not account for.

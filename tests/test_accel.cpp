@@ -1,4 +1,5 @@
-// Ray queries: offsets without self-intersection at every scale, closed meshes without leaks, packets, instances, holes.
+// Ray queries: offsets without self-intersection at every scale, closed meshes without leaks, packets, instances,
+// holes.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -45,7 +46,8 @@ TEST_CASE("rays that leave a plane never hit it again, at scales 1e-4 to 1e5 and
                 const SurfaceInteraction s = surfaces.interact(hit.object, hit.primitive, hit.u, hit.v, -d);
                 for (uint32_t k = 0; k < 4; ++k) {
                     Vec3 out = random_direction(i, 2 + k);
-                    if (k == 3) out = glm::normalize(out - 0.9999F * glm::dot(out, s.geometric_normal) * s.geometric_normal);
+                    if (k == 3)
+                        out = glm::normalize(out - 0.9999F * glm::dot(out, s.geometric_normal) * s.geometric_normal);
                     const Vec3 origin = offset_ray_origin(s.position, s.error, s.geometric_normal, out);
                     if (accelerator.intersect({origin, out}).object != no_hit) ++self_hits;
                     if (accelerator.occluded({origin, out})) ++self_hits;
@@ -69,7 +71,8 @@ TEST_CASE("a closed sphere leaks no ray") {
     int leaks = 0;
     for (size_t first = 0; first < n; first += 1024) {
         rays.count = 0;
-        for (size_t i = 0; i < 1024; ++i) rays.push(Vec3(0.3F, 0.1F, -0.2F), random_direction(static_cast<uint32_t>(first + i), 0));
+        for (size_t i = 0; i < 1024; ++i)
+            rays.push(Vec3(0.3F, 0.1F, -0.2F), random_direction(static_cast<uint32_t>(first + i), 0));
         accelerator.intersect(rays, false, hits);
         for (size_t i = 0; i < 1024; ++i) leaks += hits.object[i] == no_hit ? 1 : 0;
     }

@@ -65,8 +65,8 @@ TEST_CASE("BSDF sampling matches its density (chi-square)") {
                 };
                 const auto result =
                     testing::chi_square_directions(sample, pdf, Vec3(-wo.x, -wo.y, wo.z), 0.02 * alpha, 200000);
-                INFO("alpha ", alpha, ", angle ", angle, ", metallic ", p.metallic, ": ", result.worst_bin, ", integral ",
-                     result.integral, ", sampled ", result.sampled_share);
+                INFO("alpha ", alpha, ", angle ", angle, ", metallic ", p.metallic, ": ", result.worst_bin,
+                     ", integral ", result.integral, ", sampled ", result.sampled_share);
                 CHECK(result.p_value > significance);
                 CHECK(result.integral == doctest::Approx(result.sampled_share).epsilon(0.01));
             }
@@ -184,7 +184,8 @@ TEST_CASE("below delta_alpha the metal is a perfect mirror") {
 TEST_CASE("nothing non-finite comes out at the extremes") {
     for (const float alpha : {0.0F, 1e-5F, 1e-4F, 1e-3F, 1.0F}) {
         for (const float angle : {0.0F, 89.9F, 89.9999F, 90.0F, 120.0F}) {
-            for (const auto& p : {metal(alpha), coated(alpha, 0.0F), coated(alpha, 1.0F), half_metal(alpha), lambert(0.0F)}) {
+            for (const auto& p :
+                 {metal(alpha), coated(alpha, 0.0F), coated(alpha, 1.0F), half_metal(alpha), lambert(0.0F)}) {
                 const Triple<float> wo = direction(angle);
                 for (const float u : {0.0F, 0.5F, 0.99999994F}) {
                     for (const float v : {0.0F, 0.5F, 0.99999994F}) {
@@ -208,7 +209,8 @@ TEST_CASE("vector and scalar evaluation agree") {
     const Triple<float> wo = direction(35.0F);
     const auto widen = [](const Triple<float>& t) { return Triple<FloatV>{FloatV(t.x), FloatV(t.y), FloatV(t.z)}; };
     const BsdfParameters<float> p = half_metal(0.2F);
-    const BsdfParameters<FloatV> wide{widen(p.base), widen(p.coat_f0), FloatV(p.coat_f90), FloatV(p.metallic), FloatV(p.alpha)};
+    const BsdfParameters<FloatV> wide{widen(p.base), widen(p.coat_f0), FloatV(p.coat_f90), FloatV(p.metallic),
+                                      FloatV(p.alpha)};
     for (const float u : {0.1F, 0.4F, 0.9F}) {
         const BsdfSample<float> s = sample_bsdf(p, wo, u, 0.3F, u);
         const BsdfSample<FloatV> w = sample_bsdf(wide, widen(wo), FloatV(u), FloatV(0.3F), FloatV(u));

@@ -131,14 +131,16 @@ TEST_CASE("EXR: layers, crop window and attributes survive a round trip; nothing
     std::vector<float> rgb(4 * 3 * 3);
     for (size_t i = 0; i < rgb.size(); ++i) rgb[i] = static_cast<float>(i) * 1.5F;
     rgb[4] = 1e30F;
-    write_exr(path, 10, 8, crop, {{"", "RGB", rgb}, {"albedo", "RGB", rgb}, {"depth", "Z", std::vector<float>(12, 2.0F)}},
+    write_exr(path, 10, 8, crop,
+              {{"", "RGB", rgb}, {"albedo", "RGB", rgb}, {"depth", "Z", std::vector<float>(12, 2.0F)}},
               {{"nephroid/seed", "7"}});
     const Image image = read_image(path);
     CHECK(image.width == 4);
     CHECK(image.height == 3);
     REQUIRE(image.channels >= 3);
     for (size_t p = 0; p < 12; ++p) {
-        for (size_t c = 0; c < 3; ++c) CHECK(image.floats[p * static_cast<size_t>(image.channels) + c] == rgb[p * 3 + c]);
+        for (size_t c = 0; c < 3; ++c)
+            CHECK(image.floats[p * static_cast<size_t>(image.channels) + c] == rgb[p * 3 + c]);
     }
     CHECK_FALSE(std::filesystem::exists(temporary_path(path)));
     std::filesystem::remove(path);

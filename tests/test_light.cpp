@@ -43,7 +43,8 @@ TEST_CASE("environment sampling matches its density (chi-square over the texels)
                 const double theta = M_PI * (y + (i / subdivisions + 0.5) / subdivisions) / height;
                 const double phi = 2.0 * M_PI * ((x + (i % subdivisions + 0.5) / subdivisions) / width - 0.5);
                 const Vec3 d(std::sin(theta) * std::sin(phi), std::cos(theta), -std::sin(theta) * std::cos(phi));
-                const double solid_angle = std::sin(theta) * 2.0 * M_PI * M_PI / (width * height * subdivisions * subdivisions);
+                const double solid_angle =
+                    std::sin(theta) * 2.0 * M_PI * M_PI / (width * height * subdivisions * subdivisions);
                 expected[static_cast<size_t>(y * width + x)] += static_cast<double>(environment.pdf(d)) * solid_angle;
             }
             integral += expected[static_cast<size_t>(y * width + x)];
@@ -53,15 +54,18 @@ TEST_CASE("environment sampling matches its density (chi-square over the texels)
     constexpr uint32_t n = 300000;
     for (uint32_t i = 0; i < n; ++i) {
         const auto [u, v] = sample_2d(SamplerKind::independent, 3U, i, 0);
-        float pdf = 0.0F;
-        const Vec3 d = environment.sample({u, v}, pdf);
-        CHECK(pdf == doctest::Approx(environment.pdf(d)).epsilon(1e-3));
+        Environment::Evaluation sampled;
+        const Vec3 d = environment.sample({u, v}, sampled);
+        CHECK(sampled.pdf == doctest::Approx(environment.pdf(d)).epsilon(1e-3));
+        CHECK(sampled.radiance.g == doctest::Approx(environment.radiance(d).g).epsilon(1e-2));
         const double x = (0.5 + std::atan2(d.x, -d.z) / (2.0 * M_PI)) * width;
         const double y = std::acos(std::clamp(d.y, -1.0F, 1.0F)) / M_PI * height;
-        observed[static_cast<size_t>(std::min(static_cast<int>(y), height - 1) * width + std::min(static_cast<int>(x), width - 1))] += 1.0;
+        observed[static_cast<size_t>(std::min(static_cast<int>(y), height - 1) * width +
+                                     std::min(static_cast<int>(x), width - 1))] += 1.0;
     }
     double chi2 = 0.0;
-    for (size_t i = 0; i < expected.size(); ++i) chi2 += std::pow(observed[i] - n * expected[i], 2.0) / (n * expected[i]);
+    for (size_t i = 0; i < expected.size(); ++i)
+        chi2 += std::pow(observed[i] - n * expected[i], 2.0) / (n * expected[i]);
     CHECK(testing::chi_square_tail(chi2, width * height - 1) > 1e-4);
 }
 
@@ -119,7 +123,8 @@ TEST_CASE("emissive triangles: sampled and hit densities agree") {
         if (s.pdf == 0.0F) continue;
         irradiance += static_cast<double>(s.radiance.r * s.wi.y / s.pdf) / n;
         const Vec3 hit = s.wi * (2.0F / s.wi.y);
-        CHECK(s.pdf == doctest::Approx(lights.pdf_triangle(0, s.light, 2.0F, Vec3(0.0F), hit, {0, -1, 0})).epsilon(1e-3));
+        CHECK(s.pdf ==
+              doctest::Approx(lights.pdf_triangle(0, s.light, 2.0F, Vec3(0.0F), hit, {0, -1, 0})).epsilon(1e-3));
     }
     // Form factor of a centred square of half side a at height h (Howell): 4 corner terms.
     const double a = 1.0, h = 2.0;

@@ -70,7 +70,8 @@ void check_against_twin(const Scene& scene, const Camera& camera, uint32_t max_d
                 }
             }
             for (int c = 0; c < 3; ++c) {
-                const double deviation = std::sqrt(our_variance[c] + twin_variance[c]) + 1e-6 * std::abs(twin[c]) + 1e-12;
+                const double deviation =
+                    std::sqrt(our_variance[c] + twin_variance[c]) + 1e-6 * std::abs(twin[c]) + 1e-12;
                 const double z = (ours[c] - twin[c]) / deviation;
                 INFO(name, ": block ", bx, ",", by, " channel ", c, ": path ", ours[c], " twin ", twin[c], " z ", z);
                 CHECK(std::abs(z) < limit);
@@ -91,21 +92,24 @@ TEST_CASE("furnace box: the geometric series, depth by depth") {
         prepared.context.max_depth = depth;
         term *= static_cast<double>(albedo);
         series += term;
-        const testing::Picture picture = testing::render(PathIntegrator(prepared.context), prepared.context, 16, 16, 256);
+        const testing::Picture picture =
+            testing::render(PathIntegrator(prepared.context), prepared.context, 16, 16, 256);
         INFO("depth ", depth);
         CHECK(picture.mean().r == doctest::Approx(series).epsilon(3e-3));
     }
 }
 
 TEST_CASE("white spheres vanish in a white environment") {
-    for (const Material& material : {testing::lambert(Rgb(1.0F)), testing::metal(Rgb(1.0F), 1e-5F), testing::metal(Rgb(1.0F), 0.01F)}) {
+    for (const Material& material :
+         {testing::lambert(Rgb(1.0F)), testing::metal(Rgb(1.0F), 1e-5F), testing::metal(Rgb(1.0F), 0.01F)}) {
         Scene scene;
         scene.materials = {material};
         testing::add_mesh(scene, testing::sphere(Vec3(0.0F), 1.0F, 64, 0));
         scene.environment = white_environment();
         testing::PreparedScene prepared(scene, testing::look_at({0, 0, 3}, Vec3(0.0F)), 32, 32);
         prepared.context.max_depth = 50;
-        const testing::Picture picture = testing::render(PathIntegrator(prepared.context), prepared.context, 32, 32, 64);
+        const testing::Picture picture =
+            testing::render(PathIntegrator(prepared.context), prepared.context, 32, 32, 64);
         INFO("roughness ", material.roughness, " metallic ", material.metallic);
         CHECK(picture.mean().g == doctest::Approx(1.0).epsilon(2e-3));
     }
@@ -135,7 +139,8 @@ TEST_CASE("flat mirror: the virtual image lights the floor by a glossy bounce") 
     testing::PreparedScene prepared(scene, testing::look_at({1.5F, 0.5F, 0}, {1.5F, 0, 0.001F}, 0.02F), 8, 8);
     prepared.context.max_depth = 2;
     const testing::Picture picture = testing::render(PathIntegrator(prepared.context), prepared.context, 8, 8, 4096);
-    // At (1.5, 0, 0): direct from height 1, mirrored from height 5; the lamp itself hides part of its own image: none here.
+    // At (1.5, 0, 0): direct from height 1, mirrored from height 5; the lamp itself hides part of its own image: none
+    // here.
     const auto irradiance = [](double h) { return 10.0 * h / std::pow(h * h + 2.25, 1.5); };
     CHECK(picture.mean().r == doctest::Approx(0.5 / M_PI * (irradiance(1.0) + irradiance(5.0))).epsilon(0.02));
 }
@@ -152,7 +157,9 @@ TEST_CASE("wave and twin agree block by block") {
     testing::add_mesh(scene, testing::sphere({-0.5F, -0.4F, 0}, 0.6F, 24, 1));
     testing::add_mesh(scene, testing::sphere({0.8F, -0.5F, 0.3F}, 0.5F, 24, 3));
     testing::add_mesh(scene, testing::quad({-0.7F, 1.5F, -0.7F}, {1.4F, 0, 0}, {0, 0, 1.4F}, 2));
-    SUBCASE("area light") { check_against_twin(scene, camera, 5, "area light"); }
+    SUBCASE("area light") {
+        check_against_twin(scene, camera, 5, "area light");
+    }
     SUBCASE("area, point, spot and directional lights") {
         scene.lights.push_back(testing::point_light({1, 1, 1}, Rgb(0.5F)));
         PunctualLight spot = testing::point_light({-1, 1, 1}, Rgb(2.0F));
@@ -177,7 +184,9 @@ TEST_CASE("wave and twin agree block by block") {
         scene.lights.push_back(sphere);
         check_against_twin(scene, camera, 4, "environment");
     }
-    SUBCASE("Russian roulette on long paths") { check_against_twin(furnace_box(0.5F), testing::look_at({0, 0, 0}, {0.3F, 0.2F, -1}), 10, "roulette"); }
+    SUBCASE("Russian roulette on long paths") {
+        check_against_twin(furnace_box(0.5F), testing::look_at({0, 0, 0}, {0.3F, 0.2F, -1}), 10, "roulette");
+    }
 }
 
 TEST_CASE("the picture does not depend on the number of threads") {

@@ -51,7 +51,8 @@ TEST_CASE("vector and scalar samples are the same bits") {
         indices[i] = 1000 * i + 17;
     }
     for (const SamplerKind kind : {SamplerKind::sobol, SamplerKind::independent}) {
-        const auto [x, y] = sample_2d(kind, UintV(seeds, stdx::vector_aligned), UintV(indices, stdx::vector_aligned), 4);
+        const auto [x, y] =
+            sample_2d(kind, UintV(seeds, stdx::vector_aligned), UintV(indices, stdx::vector_aligned), 4);
         for (size_t i = 0; i < simd_width; ++i) {
             const auto [sx, sy] = sample_2d(kind, seeds[i], indices[i], 4);
             CHECK(static_cast<float>(x[i]) == sx);

@@ -93,8 +93,11 @@ Camera look_at(const Vec3& eye, const Vec3& target, float yfov) {
 }
 
 PreparedScene::PreparedScene(const Scene& scene, const Camera& camera, int width, int height)
-    : accelerator(scene, 2), surfaces(scene), lights(scene),
-      context{scene, accelerator, surfaces, lights, make_camera_rays(camera, width, height), 12, 0, SamplerKind::sobol, {}} {
+    : accelerator(scene, 2),
+      surfaces(scene),
+      lights(scene),
+      context{scene, accelerator, surfaces,           lights, make_camera_rays(camera, width, height),
+              12,    0,           SamplerKind::sobol, {}} {
     surfaces.set_casters(find_casters(scene).is_caster);
 }
 
@@ -104,7 +107,8 @@ Rgb Picture::mean() const {
     return Rgb(sum / (static_cast<double>(rgb.size()) / 3.0));
 }
 
-Picture render(const Integrator& integrator, const RenderContext& context, int width, int height, uint32_t spp, int threads) {
+Picture render(const Integrator& integrator, const RenderContext& context, int width, int height, uint32_t spp,
+               int threads) {
     AovSelection aovs = context.aovs;
     aovs.variance = true;
     Film film(width, height, {0, 0, width, height}, aovs, true);

@@ -22,12 +22,16 @@ TEST_CASE("sincos_turn is accurate to 2e-7") {
 TEST_CASE("warps match their densities (chi-square)") {
     const Vec3 z(0.0F, 0.0F, 1.0F);
     const auto cosine = testing::chi_square_directions(
-        [](Vec2 u, float) -> testing::DirectionDraw { return {to_vec3(square_to_cosine_hemisphere(u.x, u.y)), true}; },
+        [](Vec2 u, float) -> testing::DirectionDraw {
+            return {to_vec3(square_to_cosine_hemisphere(u.x, u.y)), true};
+        },
         [](const Vec3& d) { return static_cast<double>(cosine_hemisphere_pdf(d.z)); }, z, 0.01);
     INFO(cosine.worst_bin);
     CHECK(cosine.p_value > 1e-4);
     const auto sphere = testing::chi_square_directions(
-        [](Vec2 u, float) -> testing::DirectionDraw { return {to_vec3(square_to_uniform_sphere(u.x, u.y)), true}; },
+        [](Vec2 u, float) -> testing::DirectionDraw {
+            return {to_vec3(square_to_uniform_sphere(u.x, u.y)), true};
+        },
         [](const Vec3&) { return 0.25 / M_PI; }, z, 0.01);
     CHECK(sphere.p_value > 1e-4);
 }

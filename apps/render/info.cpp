@@ -9,10 +9,14 @@ namespace {
 
 const char* kind_name(LightKind kind) {
     switch (kind) {
-        case LightKind::point: return "point";
-        case LightKind::spot: return "spot";
-        case LightKind::directional: return "directional";
-        case LightKind::sphere: return "sphere";
+        case LightKind::point:
+            return "point";
+        case LightKind::spot:
+            return "spot";
+        case LightKind::directional:
+            return "directional";
+        case LightKind::sphere:
+            return "sphere";
     }
     return "";
 }
@@ -53,9 +57,8 @@ std::string describe_scene(const Scene& scene, const CasterReport& casters) {
         const Mesh& mesh = scene.meshes[static_cast<size_t>(scene.objects[i].mesh)];
         const Material& material = scene.materials[static_cast<size_t>(mesh.material)];
         out << "object " << i << " " << quoted(scene.objects[i].name) << ": " << mesh.triangles.size()
-            << " triangles, material " << quoted(material.name) << ", alpha "
-            << material.roughness * material.roughness << ", "
-            << (casters.is_caster[i] != 0 ? "caster" : "receiver") << " (" << casters.reason[i] << ")"
+            << " triangles, material " << quoted(material.name) << ", alpha " << material.roughness * material.roughness
+            << ", " << (casters.is_caster[i] != 0 ? "caster" : "receiver") << " (" << casters.reason[i] << ")"
             << (material.emits() ? ", emits" : "") << "\n";
     }
     return out.str();

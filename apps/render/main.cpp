@@ -1,7 +1,7 @@
 // render: glTF in, EXR out.
 #include <algorithm>
-#include <cmath>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
@@ -48,12 +48,13 @@ Camera choose_camera(const Scene& scene, const Options& options, Warnings& warni
     for (const Camera& camera : scene.cameras) {
         if (camera.name == options.camera) return camera;
     }
-    const bool is_index = std::all_of(options.camera.begin(), options.camera.end(), [](char c) { return c >= '0' && c <= '9'; });
+    const bool is_index =
+        std::all_of(options.camera.begin(), options.camera.end(), [](char c) { return c >= '0' && c <= '9'; });
     if (is_index && options.camera.size() < 7 && std::stoul(options.camera) < scene.cameras.size()) {
         return scene.cameras[std::stoul(options.camera)];
     }
-    throw Error(ExitCode::invalid_input,
-                options.scene + ": camera '" + options.camera + "': not in the scene; see --info for names and indices");
+    throw Error(ExitCode::invalid_input, options.scene + ": camera '" + options.camera +
+                                             "': not in the scene; see --info for names and indices");
 }
 
 struct ImageSize {
@@ -72,7 +73,8 @@ PixelRegion choose_crop(const ImageSize& size, const Options& options) {
     const PixelRegion whole{0, 0, size.width, size.height};
     if (!options.crop) return whole;
     const PixelRegion& crop = *options.crop;
-    if (crop.x0 < 0 || crop.y0 < 0 || crop.x1 > size.width || crop.y1 > size.height || crop.width() < 1 || crop.height() < 1) {
+    if (crop.x0 < 0 || crop.y0 < 0 || crop.x1 > size.width || crop.y1 > size.height || crop.width() < 1 ||
+        crop.height() < 1) {
         throw Error(ExitCode::usage, "--crop: empty or outside the image of " + std::to_string(size.width) + "x" +
                                          std::to_string(size.height) + " pixels; choose a region inside");
     }
@@ -86,7 +88,9 @@ std::vector<float> load_reference(const Options& options, const ImageSize& size,
     const bool whole = image.width == size.width && image.height == size.height;
     const bool same = image.width == crop.width() && image.height == crop.height();
     if (image.storage != Image::Storage::float32 || image.channels < 3 || !(whole || same)) {
-        throw Error(ExitCode::invalid_input, options.reference + ": reference: not a float RGB picture of the image's size; render it with the same --size");
+        throw Error(ExitCode::invalid_input,
+                    options.reference +
+                        ": reference: not a float RGB picture of the image's size; render it with the same --size");
     }
     std::vector<float> rgb;
     rgb.reserve(static_cast<size_t>(crop.width()) * static_cast<size_t>(crop.height()) * 3);
@@ -94,7 +98,8 @@ std::vector<float> load_reference(const Options& options, const ImageSize& size,
     const int y0 = same ? 0 : crop.y0;
     for (int y = 0; y < crop.height(); ++y) {
         for (int x = 0; x < crop.width(); ++x) {
-            const size_t pixel = static_cast<size_t>(y0 + y) * static_cast<size_t>(image.width) + static_cast<size_t>(x0 + x);
+            const size_t pixel =
+                static_cast<size_t>(y0 + y) * static_cast<size_t>(image.width) + static_cast<size_t>(x0 + x);
             for (size_t c = 0; c < 3; ++c) rgb.push_back(image.floats[pixel * static_cast<size_t>(image.channels) + c]);
         }
     }
@@ -137,7 +142,8 @@ std::unique_ptr<Integrator> make_integrator(const RenderContext& context) {
 
 ExitCode render(const Options& options, Clock::time_point process_start) {
     const Clock::time_point load_start = Clock::now();
-    const Parameters parameters = options.info ? Parameters() : resolve_parameters(options.integrator, options.assignments);
+    const Parameters parameters =
+        options.info ? Parameters() : resolve_parameters(options.integrator, options.assignments);
     std::vector<std::string> outputs = options.outputs;
     if (outputs.empty()) outputs.push_back(std::filesystem::path(options.scene).stem().string() + ".exr");
     if (!options.info) {
@@ -180,7 +186,8 @@ ExitCode render(const Options& options, Clock::time_point process_start) {
     surfaces.set_casters(casters.is_caster);
     const LightSet lights(scene);
     const double build_seconds = seconds_since(build_start);
-    if (lights.empty()) std::fprintf(stderr, "warning: %s: lights: none; the picture will be black\n", options.scene.c_str());
+    if (lights.empty())
+        std::fprintf(stderr, "warning: %s: lights: none; the picture will be black\n", options.scene.c_str());
 
     const RenderContext context{scene,
                                 accelerator,

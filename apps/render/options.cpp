@@ -54,13 +54,20 @@ void parse_aovs(const std::string& text, Options& options) {
     std::istringstream stream(text);
     std::string name;
     while (std::getline(stream, name, ',')) {
-        if (name == "albedo") options.aovs.albedo = true;
-        else if (name == "normal") options.aovs.normal = true;
-        else if (name == "depth") options.aovs.depth = true;
-        else if (name == "caustic") options.aovs.caustic = true;
-        else if (name == "variance") options.aovs.variance = true;
-        else if (name == "spp") options.aovs.spp = true;
-        else usage_error("--aov " + name, "unknown; use albedo, normal, depth, caustic, variance, spp");
+        if (name == "albedo")
+            options.aovs.albedo = true;
+        else if (name == "normal")
+            options.aovs.normal = true;
+        else if (name == "depth")
+            options.aovs.depth = true;
+        else if (name == "caustic")
+            options.aovs.caustic = true;
+        else if (name == "variance")
+            options.aovs.variance = true;
+        else if (name == "spp")
+            options.aovs.spp = true;
+        else
+            usage_error("--aov " + name, "unknown; use albedo, normal, depth, caustic, variance, spp");
     }
 }
 
@@ -75,9 +82,11 @@ void check_integrator(const Options& options) {
 void check_ranges(const Options& options) {
     if (options.time && !(*options.time > 0.0)) usage_error("--time", "must be above 0 seconds");
     if (options.noise && !(*options.noise > 0.0)) usage_error("--noise", "must be above 0");
-    if (!(options.env_scale >= 0.0F) || !std::isfinite(options.env_scale)) usage_error("--env-scale", "must be at least 0");
+    if (!(options.env_scale >= 0.0F) || !std::isfinite(options.env_scale))
+        usage_error("--env-scale", "must be at least 0");
     if (!(options.checkpoint_every > 0.0)) usage_error("--checkpoint-every", "must be above 0 seconds");
-    if (options.resume && options.checkpoint.empty()) usage_error("--resume", "needs --checkpoint FILE to continue from");
+    if (options.resume && options.checkpoint.empty())
+        usage_error("--resume", "needs --checkpoint FILE to continue from");
 }
 
 }  // namespace
@@ -90,9 +99,15 @@ std::optional<Options> parse_options(int argc, char** argv) {
     bool list_parameters = false;
 
     CLI::App app("Renders a glTF scene: unbiased, offline, made for caustics.", "render");
+    // A later option overrides an earlier one, so that scripts can append.
+    app.option_defaults()->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
     app.add_option("scene", options.scene, "glTF file, .gltf or .glb");
-    app.add_option("-o,--output", options.outputs, ".exr (32-bit float) or .png (tone-mapped); may be given twice [SCENE.exr]")
-        ->take_all()->expected(1)->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)->allow_extra_args(false);
+    app.add_option("-o,--output", options.outputs,
+                   ".exr (32-bit float) or .png (tone-mapped); may be given twice [SCENE.exr]")
+        ->take_all()
+        ->expected(1)
+        ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+        ->allow_extra_args(false);
     app.add_option("-i,--integrator", options.integrator, "path, bdpt, ppg, guided [guided]");
     app.add_option("--spp", options.spp, "stop at N samples per pixel [64]")->check(CLI::Range(1, 1 << 30));
     app.add_option("--time", options.time, "stop after SECONDS, everything counted from process start");
@@ -102,7 +117,8 @@ std::optional<Options> parse_options(int argc, char** argv) {
     app.add_option("--size", size, "image size WxH [from the camera's shape, 1280 wide]");
     app.add_option("--crop", crop, "render only pixels x0,y0,x1,y1 (end exclusive)");
     app.add_option("--camera", options.camera, "camera by name or index [first]");
-    app.add_option("--max-depth", options.max_depth, "at most N surface scatterings on a path [12]")->check(CLI::Range(1, 1000));
+    app.add_option("--max-depth", options.max_depth, "at most N surface scatterings on a path [12]")
+        ->check(CLI::Range(1, 1000));
     app.add_option("--env", options.env, "lat-long EXR/HDR environment light");
     app.add_option("--env-scale", options.env_scale, "factor on the environment [1]");
     app.add_option("--aov", aov, "extra EXR layers: albedo,normal,depth,caustic,variance,spp");
@@ -112,7 +128,9 @@ std::optional<Options> parse_options(int argc, char** argv) {
     app.add_option("--checkpoint-every", options.checkpoint_every, "seconds between checkpoints [60]");
     app.add_flag("--resume", options.resume, "continue from the checkpoint");
     app.add_option("--set", options.assignments, "integrator parameter key=value; may be repeated")
-        ->expected(1)->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)->allow_extra_args(false);
+        ->expected(1)
+        ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+        ->allow_extra_args(false);
     app.add_flag("--list-parameters", list_parameters, "print all integrators' parameters");
     app.add_flag("--info", options.info, "print what the scene holds and which caustics were detected; render nothing");
     app.add_flag("-q", quiet, "no output but errors and warnings");

@@ -65,7 +65,8 @@ void write_outputs(const RenderReport& report, const std::vector<std::string>& o
         if (std::filesystem::path(path).extension() == ".png") {
             write_png(path, film.crop().width(), film.crop().height(), film.beauty());
         } else {
-            write_exr(path, film.image_width(), film.image_height(), film.crop(), layers_of(film), attributes_of(report));
+            write_exr(path, film.image_width(), film.image_height(), film.crop(), layers_of(film),
+                      attributes_of(report));
         }
     }
 }

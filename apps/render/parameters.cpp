@@ -12,7 +12,9 @@ namespace {
 const std::map<std::string, std::vector<ParameterDescription>>& table() {
     static const std::map<std::string, std::vector<ParameterDescription>> parameters = {
         {"path",
-         {{"sampler", "sobol|independent", "sobol",
+         {{"sampler",
+           "sobol|independent",
+           "sobol",
            "sample points: stratified (less noise) or independent (for statistics that assume independence)",
            {"sobol", "independent"}}}},
     };
@@ -43,7 +45,8 @@ const std::vector<ParameterDescription>& parameters_of(const std::string& integr
 Parameters resolve_parameters(const std::string& integrator, const std::vector<std::string>& assignments) {
     const auto& descriptions = parameters_of(integrator);
     Parameters parameters;
-    for (const ParameterDescription& description : descriptions) parameters[description.key] = description.default_value;
+    for (const ParameterDescription& description : descriptions)
+        parameters[description.key] = description.default_value;
     for (const std::string& assignment : assignments) {
         const size_t equals = assignment.find('=');
         const std::string element = "--set " + assignment + ": ";

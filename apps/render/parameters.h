@@ -9,9 +9,9 @@ namespace nephroid {
 
 struct ParameterDescription {
     std::string key;
-    std::string values;         ///< Allowed values, for people.
+    std::string values;  ///< Allowed values, for people.
     std::string default_value;
-    std::string meaning;        ///< What it does and what it trades.
+    std::string meaning;               ///< What it does and what it trades.
     std::vector<std::string> choices;  ///< All allowed values.
 };
 

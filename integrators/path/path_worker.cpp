@@ -7,10 +7,6 @@
 #include "integrators/mis.h"
 #include "integrators/path/path_integrator.h"
 
-// The vector kernels are templates of many small functions: called instead of inlined, they would pass their vectors
-// through memory, so the stages that use them are flattened.
-#define NEPHROID_FLATTEN [[gnu::flatten]]
-
 namespace nephroid {
 
 namespace {
@@ -52,8 +48,13 @@ std::unique_ptr<IntegratorWorker> PathIntegrator::make_worker() const {
 }
 
 PathWorker::PathWorker(const RenderContext& context)
-    : context_(context), seeds_(max_slots_per_block), indices_(max_slots_per_block), paths_(max_slots_per_block),
-      hits_(max_slots_per_block), vertices_(max_slots_per_block), lights_(max_slots_per_block),
+    : context_(context),
+      seeds_(max_slots_per_block),
+      indices_(max_slots_per_block),
+      paths_(max_slots_per_block),
+      hits_(max_slots_per_block),
+      vertices_(max_slots_per_block),
+      lights_(max_slots_per_block),
       shadows_(max_slots_per_block) {}
 
 void PathWorker::render(const SampleBlock& block, SampleBuffer& samples) {
@@ -244,9 +245,9 @@ void PathWorker::record_first_hits(SampleBuffer& samples) const {
 void PathWorker::add_escaped(size_t path, SampleBuffer& samples) {
     const Environment* environment = context_.lights.environment();
     if (environment == nullptr) return;
-    const Vec3 direction = paths_.rays.direction(path);
-    const float light_pdf = paths_.pdf[path] > 0.0F ? context_.lights.pdf_environment(direction) : 0.0F;
-    add_emission(path, environment->radiance(direction), light_pdf, false, samples);
+    const Environment::Evaluation evaluation = environment->evaluate(paths_.rays.direction(path));
+    const float light_pdf = paths_.pdf[path] > 0.0F ? context_.lights.environment_probability() * evaluation.pdf : 0.0F;
+    add_emission(path, evaluation.radiance, light_pdf, false, samples);
 }
 
 void PathWorker::add_sphere_light(size_t path, uint32_t light, SampleBuffer& samples) {
@@ -364,8 +365,9 @@ NEPHROID_FLATTEN void PathWorker::push_shadow_rays() {
     for (size_t k = 0; k < vertices_.count; k += simd_width) {
         const Triple<FloatV> contribution = lights_.radiance.load(k);
         // "Not zero" rather than "positive": a non-finite contribution must arrive where it is counted.
-        const auto lit = first_lanes(vertices_.count - k) &&
-                         !(contribution.x == FloatV(0.0F) && contribution.y == FloatV(0.0F) && contribution.z == FloatV(0.0F));
+        const auto lit =
+            first_lanes(vertices_.count - k) &&
+            !(contribution.x == FloatV(0.0F) && contribution.y == FloatV(0.0F) && contribution.z == FloatV(0.0F));
         const Triple<FloatV> wi = lights_.wi.load(k);
         const Triple<FloatV> origin = offset_ray_origin(vertices_.position.load(k), vertices_.error.load(k),
                                                         vertices_.geometric_normal.load(k), wi);
@@ -417,8 +419,10 @@ NEPHROID_FLATTEN void PathWorker::scatter(uint32_t bounce) {
                                     : FloatV(1.0F);
         weight = weight * (FloatV(1.0F) / survival);
         const Triple<FloatV> normal = vertices_.geometric_normal.load(k);
-        const auto lives = active && (u_roulette < survival) && (max_component(weight) > zero) && (dot(normal, wi) > zero);
-        const Triple<FloatV> origin = offset_ray_origin(vertices_.position.load(k), vertices_.error.load(k), normal, wi);
+        const auto lives =
+            active && (u_roulette < survival) && (max_component(weight) > zero) && (dot(normal, wi) > zero);
+        const Triple<FloatV> origin =
+            offset_ray_origin(vertices_.position.load(k), vertices_.error.load(k), normal, wi);
         append_rays(rays, origin, wi, infinity, lives);
         paths_.throughput.append(rays.count, weight, lives);
         compress_store(&paths_.pdf[rays.count], select(sample.delta, zero, sample.pdf), lives);

@@ -41,7 +41,8 @@ class PathWorker final : public IntegratorWorker {
     PathWave paths_;
     HitBatch hits_;
     VertexWave vertices_;
-    std::vector<uint32_t> special_paths_;  ///< Paths that hit a light or a surface that is not plain (Surfaces::is_plain).
+    std::vector<uint32_t>
+        special_paths_;  ///< Paths that hit a light or a surface that is not plain (Surfaces::is_plain).
     LightWave lights_;
     ShadowWave shadows_;
 };

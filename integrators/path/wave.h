@@ -42,8 +42,8 @@ struct TripleArray {
 
 /// Bits of PathWave::flags.
 enum PathFlag : uint32_t {
-    receiver_seen = 1,     ///< Some vertex so far was not a caster.
-    on_caster_chain = 2,   ///< receiver_seen, and every vertex since the last receiver (at least one) is a caster.
+    receiver_seen = 1,    ///< Some vertex so far was not a caster.
+    on_caster_chain = 2,  ///< receiver_seen, and every vertex since the last receiver (at least one) is a caster.
 };
 
 /// Array of a value per path.
@@ -66,9 +66,20 @@ struct PathWave {
 /// Surface points that paths have reached and will scatter from.
 struct VertexWave {
     explicit VertexWave(size_t capacity)
-        : path(capacity), position(capacity), error(capacity), geometric_normal(capacity), shading_normal(capacity),
-          wo(capacity), throughput(capacity), base(capacity), coat_f0(capacity), coat_f90(capacity),
-          metallic(capacity), alpha(capacity), slot(capacity), flags(capacity) {}
+        : path(capacity),
+          position(capacity),
+          error(capacity),
+          geometric_normal(capacity),
+          shading_normal(capacity),
+          wo(capacity),
+          throughput(capacity),
+          base(capacity),
+          coat_f0(capacity),
+          coat_f90(capacity),
+          metallic(capacity),
+          alpha(capacity),
+          slot(capacity),
+          flags(capacity) {}
     size_t count = 0;
     PathArray<uint32_t> path;  ///< Index of the path in the PathWave it came from.
     TripleArray position, error, geometric_normal, shading_normal, wo, throughput;
@@ -92,13 +103,18 @@ struct VertexWave {
 /// Directions towards lights from the vertices of a VertexWave, then the light they would bring.
 struct LightWave {
     explicit LightWave(size_t capacity)
-        : wi(capacity), target(capacity), radiance(capacity), pdf(capacity), bsdf_competes(capacity),
-          infinite(capacity), caustic(capacity) {}
+        : wi(capacity),
+          target(capacity),
+          radiance(capacity),
+          pdf(capacity),
+          bsdf_competes(capacity),
+          infinite(capacity),
+          caustic(capacity) {}
     TripleArray wi, target;
     TripleArray radiance;  ///< Arriving radiance (delta: irradiance); then the contribution to the sample.
     PathArray<float> pdf;
     PathArray<float> bsdf_competes;  ///< 1: BSDF sampling can hit this light too (MIS); 0: delta light.
-    PathArray<float> infinite;  ///< 1: the shadow ray has no end.
+    PathArray<float> infinite;       ///< 1: the shadow ray has no end.
     PathArray<uint32_t> caustic;     ///< What arrives is a caustic.
 };
 
