@@ -38,6 +38,7 @@ struct Accelerator::Implementation {
     std::vector<RTCScene> instanced;           // Per mesh: its own scene where several objects share it.
     std::vector<AlphaFilterData> filter_data;  // Per mesh; stable addresses for Embree.
     uint32_t object_count = 0;
+    bool has_instances = false;
     std::vector<uint32_t> sphere_lights;  // Indices into Scene::lights.
 
     ~Implementation() {
@@ -72,6 +73,7 @@ struct Accelerator::Implementation {
             attach(mesh_geometry(scene, mesh), top, id);
             return;
         }
+        has_instances = true;
         if (instanced[mesh] == nullptr) {
             instanced[mesh] = rtcNewScene(device);
             rtcSetSceneFlags(instanced[mesh], RTC_SCENE_FLAG_ROBUST);
@@ -100,6 +102,12 @@ struct Accelerator::Implementation {
         }
         rtcCommitGeometry(geometry);
         attach(geometry, top, object_count);
+    }
+
+    /// Embree 3.13's occlusion packets never return from some scenes with instances unless they are marked coherent
+    /// (seen with 16-wide packets, robust or not; single rays and coherent packets are fine). Only speed is lost.
+    embree::Context make_context(bool coherent) const {
+        return embree::Context(coherent || has_instances ? embree::Coherence::coherent : embree::Coherence::incoherent);
     }
 
     /// Maps Embree's ids to ours.
@@ -210,7 +218,7 @@ void load_packet(const RayBatch& rays, size_t first, RTCRay16& packet, int* vali
 }  // namespace
 
 void Accelerator::intersect(RayBatch& rays, bool coherent, HitBatch& hits) const {
-    embree::Context context(coherent ? embree::Coherence::coherent : embree::Coherence::incoherent);
+    embree::Context context = implementation_->make_context(coherent);
     alignas(64) RTCRayHit16 packet;
     alignas(64) int valid[packet_width];
     for (size_t first = 0; first < rays.count; first += packet_width) {
@@ -234,7 +242,7 @@ void Accelerator::intersect(RayBatch& rays, bool coherent, HitBatch& hits) const
 }
 
 void Accelerator::occluded(RayBatch& rays, bool coherent, AlignedArray<uint32_t>& occluded) const {
-    embree::Context context(coherent ? embree::Coherence::coherent : embree::Coherence::incoherent);
+    embree::Context context = implementation_->make_context(coherent);
     alignas(64) RTCRay16 packet;
     alignas(64) int valid[packet_width];
     for (size_t first = 0; first < rays.count; first += packet_width) {

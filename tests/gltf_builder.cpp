@@ -252,6 +252,15 @@ void check_contains(const std::string& text, const std::string& part) {
     CHECK(text.find(part) != std::string::npos);
 }
 
+Vec3 world_face_normal(const Scene& scene, const Object& object, size_t triangle) {
+    const Mesh& mesh = scene.meshes[static_cast<size_t>(object.mesh)];
+    std::array<Vec3, 3> p{};
+    for (size_t i = 0; i < 3; ++i) {
+        p[i] = Vec3(object.to_world * Vec4(mesh.positions[mesh.triangles[triangle][i]], 1.0F));
+    }
+    return glm::normalize(glm::cross(p[1] - p[0], p[2] - p[0]));
+}
+
 bool has_warning(const Scene& scene, const std::string& text) {
     for (const std::string& warning : scene.warnings) {
         if (warning.find(text) != std::string::npos) return true;

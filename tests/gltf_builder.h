@@ -102,6 +102,9 @@ Bytes encode_picture(const std::string& extension, int width, int height, int ch
 void check_vec(const Vec3& value, const Vec3& expected, float tolerance = 1e-5F);
 void check_contains(const std::string& text, const std::string& part);
 
+/// Normal of a triangle in world space by its winding.
+Vec3 world_face_normal(const Scene& scene, const Object& object, size_t triangle);
+
 /// Whether a warning contains the text.
 bool has_warning(const Scene& scene, const std::string& text);
 

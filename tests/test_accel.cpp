@@ -131,6 +131,37 @@ TEST_CASE("instances, mirrored ones too, have outward normals and the right fron
     }
 }
 
+TEST_CASE("incoherent packets among instances come back, with the answers of single rays") {
+    Scene scene;
+    scene.materials = {testing::lambert(Rgb(0.5F))};
+    scene.meshes.push_back(testing::sphere(Vec3(0.0F), 1.0F, 8, 0));
+    for (int i = 0; i < 5; ++i) {
+        const Vec3 place(2.5F * static_cast<float>(i) - 5.0F, 0, i % 2 == 0 ? 1.0F : -1.0F);
+        const Mat4 placed = glm::translate(Mat4(1.0F), place);
+        scene.objects.push_back({"ball", 0, glm::scale(placed, Vec3(i == 2 ? -1.0F : 1.0F, 1.3F, 0.8F)), false});
+    }
+    testing::add_mesh(scene, testing::quad({-8, -1.5F, -8}, {0, 0, 16}, {16, 0, 0}, 0));
+    const Accelerator accelerator(scene, 1);
+    constexpr uint32_t n = 1024;
+    RayBatch rays(n);
+    HitBatch hits(n);
+    AlignedArray<uint32_t> occluded(padded_to_packets(n));
+    for (uint32_t round = 0; round < 40; ++round) {
+        rays.count = 0;
+        for (uint32_t i = 0; i < n; ++i) {
+            const Vec3 origin = Vec3(6, 1.4F, 3) * random_direction(round * n + i, 0);
+            rays.push(origin, 8.0F * random_direction(round * n + i, 1), 0.999F);
+        }
+        accelerator.intersect(rays, false, hits);
+        accelerator.occluded(rays, false, occluded);
+        for (size_t i = 0; i < n; ++i) {
+            const Ray ray{rays.origin(i), rays.direction(i), 0.999F};
+            CHECK(accelerator.occluded(ray) == (occluded[i] != 0));
+            CHECK((accelerator.intersect(ray).object == no_hit) == (hits.object[i] == no_hit));
+        }
+    }
+}
+
 TEST_CASE("alpha makes holes: masks exactly, blending by its share") {
     Scene scene;
     Material cut = testing::lambert(Rgb(0.5F));
