@@ -147,20 +147,19 @@ Accelerator::Accelerator(const Scene& scene, int threads) : implementation_(std:
 
 Accelerator::~Accelerator() = default;
 
+namespace {
+
+RTCRay make_query(const Ray& ray) {
+    const Vec3& o = ray.origin;
+    const Vec3& d = ray.direction;
+    return {o.x, o.y, o.z, 0.0F, d.x, d.y, d.z, 0.0F, ray.t_max, ~0U, 0, 0};
+}
+
+}  // namespace
+
 Hit Accelerator::intersect(const Ray& ray) const {
     alignas(16) RTCRayHit query;
-    query.ray = {ray.origin.x,
-                 ray.origin.y,
-                 ray.origin.z,
-                 0.0F,
-                 ray.direction.x,
-                 ray.direction.y,
-                 ray.direction.z,
-                 0.0F,
-                 ray.t_max,
-                 ~0U,
-                 0,
-                 0};
+    query.ray = make_query(ray);
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     embree::Context context(embree::Coherence::incoherent);
@@ -176,18 +175,7 @@ Hit Accelerator::intersect(const Ray& ray) const {
 }
 
 bool Accelerator::occluded(const Ray& ray) const {
-    alignas(16) RTCRay query = {ray.origin.x,
-                                ray.origin.y,
-                                ray.origin.z,
-                                0.0F,
-                                ray.direction.x,
-                                ray.direction.y,
-                                ray.direction.z,
-                                0.0F,
-                                ray.t_max,
-                                ~0U,
-                                0,
-                                0};
+    alignas(16) RTCRay query = make_query(ray);
     embree::Context context(embree::Coherence::incoherent);
     embree::occluded1(implementation_->top, context, query);
     return query.tfar < 0.0F;

@@ -11,53 +11,19 @@
 #include <vector>
 
 #include "pathcut/newton_solver.h"
+#include "tests/pathcut_chains.h"
 
 using namespace nephroid;
+using namespace nephroid::testing;
 
 namespace {
 
-using Generator = std::mt19937_64;
 using Real = long double;
 
-double uniform(Generator& generator, double low, double high) {
-    return std::uniform_real_distribution<double>(low, high)(generator);
-}
-Vec3d random_point(Generator& generator, double extent) {
-    return {uniform(generator, -extent, extent), uniform(generator, -extent, extent),
-            uniform(generator, -extent, extent)};
-}
 Vec3d random_direction(Generator& generator) {
     return glm::normalize(Vec3d(std::normal_distribution<double>()(generator),
                                 std::normal_distribution<double>()(generator),
                                 std::normal_distribution<double>()(generator)));
-}
-
-constexpr double no_limit = std::numeric_limits<double>::infinity();
-
-SpecularChain chain_of(std::initializer_list<const SurfacePatch*> patches, const Vec3d& receiver,
-                       const PathEnd& light) {
-    SpecularChain chain;
-    for (const SurfacePatch* patch : patches) {
-        chain.vertices[static_cast<size_t>(chain.length++)] = {patch, {}, 0.01, no_limit};
-    }
-    chain.receiver = receiver;
-    chain.light = light;
-    return chain;
-}
-
-bool is_finite(const SpecularPath& path) {
-    double sum = path.residual;
-    for (size_t i = 0; i < static_cast<size_t>(max_chain_length); ++i) {
-        const PathVertex& v = path.vertices[i];
-        sum += glm::length(v.barycentrics) + glm::length(v.position) + glm::length(v.normal) + glm::length(v.slope) +
-               glm::length(v.s) + glm::length(v.t);
-        for (int k = 0; k < 2; ++k) {
-            sum += glm::length(path.jacobian.by_own[i][k]) + glm::length(path.jacobian.by_viewer[i][k]) +
-                   glm::length(path.jacobian.by_light[i][k]);
-        }
-    }
-    for (int k = 0; k < 3; ++k) sum += glm::length(path.by_receiver[k]) + glm::length(path.by_light_source[k]);
-    return std::isfinite(sum);
 }
 
 struct SurfaceSample {

@@ -13,48 +13,12 @@
 
 #include "pathcut/acceptance.h"
 #include "pathcut/newton_solver.h"
+#include "tests/pathcut_chains.h"
 
 using namespace nephroid;
+using namespace nephroid::testing;
 
 namespace {
-
-using Generator = std::mt19937_64;
-
-double uniform(Generator& generator, double low, double high) {
-    return std::uniform_real_distribution<double>(low, high)(generator);
-}
-Vec3d random_point(Generator& generator, double extent) {
-    return {uniform(generator, -extent, extent), uniform(generator, -extent, extent),
-            uniform(generator, -extent, extent)};
-}
-
-constexpr double no_limit = std::numeric_limits<double>::infinity();
-
-SpecularChain chain_of(std::initializer_list<const SurfacePatch*> patches, const Vec3d& receiver, const PathEnd& light,
-                       double max_slope = no_limit) {
-    SpecularChain chain;
-    for (const SurfacePatch* patch : patches) {
-        chain.vertices[static_cast<size_t>(chain.length++)] = {patch, {}, 0.01, max_slope};
-    }
-    chain.receiver = receiver;
-    chain.light = light;
-    return chain;
-}
-
-bool is_finite(const SpecularPath& path) {
-    double sum = path.residual;
-    for (size_t i = 0; i < static_cast<size_t>(max_chain_length); ++i) {
-        const PathVertex& v = path.vertices[i];
-        sum += glm::length(v.barycentrics) + glm::length(v.position) + glm::length(v.normal) + glm::length(v.slope) +
-               glm::length(v.s) + glm::length(v.t);
-        for (int k = 0; k < 2; ++k) {
-            sum += glm::length(path.jacobian.by_own[i][k]) + glm::length(path.jacobian.by_viewer[i][k]) +
-                   glm::length(path.jacobian.by_light[i][k]);
-        }
-    }
-    for (int k = 0; k < 3; ++k) sum += glm::length(path.by_receiver[k]) + glm::length(path.by_light_source[k]);
-    return std::isfinite(sum);
-}
 
 /// About one edge length of 1 at `centre`, facing `facing`, with normals that turn by up to `bend` radians.
 SurfacePatch random_patch(Generator& generator, const Vec3d& centre, const Vec3d& facing, double bend) {
