@@ -4,7 +4,7 @@
 set -eu
 
 packages="g++ cmake ninja-build pkg-config libembree-dev libopenimageio-dev libopenexr-dev libtinygltf-dev libglm-dev
-libtbb-dev libcli11-dev nlohmann-json3-dev libdraco-dev"
+libtbb-dev libcli11-dev nlohmann-json3-dev libdraco-dev libcgal-dev"
 if [ "${1:-}" = --tests ]; then
     packages="$packages doctest-dev python3 python3-venv"
 fi

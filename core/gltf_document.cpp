@@ -60,7 +60,7 @@ void keep_members(Json& json, const char* const (&names)[count]) {
 /// Erases what the loader does not read but tinygltf would copy, at a multiple of its size: extras but our own,
 /// extensions that are not supported, and, below, unknown members of materials and attributes.
 void prune_unread(Json& json) {
-    static constexpr const char* known_extras[] = {"caustics", "radius"};
+    static constexpr const char* known_extras[] = {"caustics", "densify", "radius"};
     if (json.is_object()) {
         const auto extras = json.find("extras");
         if (extras != json.end() && extras->is_object()) keep_members(*extras, known_extras);

@@ -143,7 +143,13 @@ void check_world_positions(const GltfImport& import, int node, const Bounds& bou
     }
 }
 
-void import_objects(GltfImport& import, int index, const glm::dmat4& to_world, bool no_caustics) {
+/// What a node's extras say about its objects and those of its descendants.
+struct ObjectExtras {
+    bool no_caustics = false;
+    float densify = 0.0F;
+};
+
+void import_objects(GltfImport& import, int index, const glm::dmat4& to_world, const ObjectExtras& extras) {
     const tinygltf::Node& node = get_node(import, index);
     if (node.mesh < 0) return;
     if (!is_invertible(to_world)) {
@@ -160,7 +166,8 @@ void import_objects(GltfImport& import, int index, const glm::dmat4& to_world, b
         object.name = printable(node.name);
         object.mesh = mesh;
         object.to_world = Mat4(to_world);
-        object.no_caustics = no_caustics;
+        object.no_caustics = extras.no_caustics;
+        object.densify = extras.densify;
         import.scene.objects.push_back(std::move(object));
     }
 }
@@ -171,11 +178,23 @@ bool switches_caustics_off(const tinygltf::Node& node) {
     return value.IsString() && value.Get<std::string>() == "none";
 }
 
+/// The target edge length of extras.densify, metres; a node's own value wins over the inherited one.
+float read_densify(const GltfImport& import, int index, float inherited) {
+    const tinygltf::Node& node = get_node(import, index);
+    if (!node.extras.Has("densify")) return inherited;
+    const double length = number_or(node.extras, "densify", 0.0);
+    if (!(length >= 1e-9) || length > max_coordinate) {
+        fail_gltf(import.document.file, name_of(index),
+                  "extras.densify must be an edge length in metres from 1e-9 to 1e9; correct it");
+    }
+    return static_cast<float>(length);
+}
+
 /// A node that is still to be visited, with what it inherits.
 struct Visit {
     int node = 0;
     glm::dmat4 parent_to_world{1.0};
-    bool no_caustics = false;
+    ObjectExtras extras;
 };
 
 }  // namespace
@@ -183,19 +202,20 @@ struct Visit {
 void import_nodes(GltfImport& import) {
     std::vector<int> roots = find_roots(import, check_graph(import));
     std::vector<Visit> pending;
-    for (auto root = roots.rbegin(); root != roots.rend(); ++root) pending.push_back({*root, glm::dmat4(1.0), false});
+    for (auto root = roots.rbegin(); root != roots.rend(); ++root) pending.push_back({*root, glm::dmat4(1.0), {}});
     while (!pending.empty()) {
         Visit visit = pending.back();
         pending.pop_back();
         const tinygltf::Node& node = get_node(import, visit.node);
         const glm::dmat4 to_world = visit.parent_to_world * local_transform(import, visit.node);
         check_magnitude(import, visit.node, to_world);
-        const bool no_caustics = visit.no_caustics || switches_caustics_off(node);
-        import_objects(import, visit.node, to_world, no_caustics);
+        const ObjectExtras extras{visit.extras.no_caustics || switches_caustics_off(node),
+                                  read_densify(import, visit.node, visit.extras.densify)};
+        import_objects(import, visit.node, to_world, extras);
         import_camera(import, visit.node, to_world);
         import_light(import, visit.node, to_world);
         for (auto child = node.children.rbegin(); child != node.children.rend(); ++child) {
-            pending.push_back({*child, to_world, no_caustics});
+            pending.push_back({*child, to_world, extras});
         }
     }
 }

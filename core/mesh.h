@@ -23,6 +23,7 @@ struct Mesh {
     std::array<std::vector<Vec2>, 2> uvs;  ///< TEXCOORD_0 and _1; empty where the material needs none.
     std::vector<Vec4> tangents;            ///< xyz unit, w = +-1 handedness; only where a normal map needs them.
     std::vector<Vec4> colors;              ///< COLOR_0, linear RGBA; empty: white.
+    size_t coarse_triangles = 0;           ///< Triangles before `densify_objects` split them; 0: as in the file.
 };
 
 /// A mesh placed in the world.
@@ -31,6 +32,8 @@ struct Object {
     int mesh = 0;              ///< Index into Scene::meshes.
     Mat4 to_world{1.0F};       ///< Identity once the mesh has been flattened. May mirror (negative determinant).
     bool no_caustics = false;  ///< extras.caustics = "none": never a caster.
+    /// extras.densify: no edge of the mesh is to be longer in world space (metres); 0: leave the mesh as it is.
+    float densify = 0.0F;
 };
 
 }  // namespace nephroid

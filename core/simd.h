@@ -65,6 +65,19 @@ inline FloatV square_root(const FloatV& x) {
     return stdx::sqrt(x);
 }
 
+/// 1 / sqrt(x) to 3e-7 relative for normal x > 0; infinity or NaN for zero.
+inline float reciprocal_square_root(float x) {
+    return 1.0F / std::sqrt(x);
+}
+inline FloatV reciprocal_square_root(const FloatV& x) {
+#if defined(__AVX512F__)
+    const FloatV estimate(_mm512_rsqrt14_ps(static_cast<__m512>(x)));
+    return estimate * (FloatV(1.5F) - FloatV(0.5F) * x * estimate * estimate);
+#else
+    return FloatV(1.0F) / stdx::sqrt(x);
+#endif
+}
+
 template <class F>
 F minimum(const F& a, const F& b) {
     return select(a < b, a, b);

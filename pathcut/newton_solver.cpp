@@ -124,6 +124,13 @@ ChainState minimum_inside(const SpecularChain& chain, const SolverOptions& optio
     return best;
 }
 
+SpecularPath rejected_path(const SolverWork& work) {
+    SpecularPath path;
+    path.status = SolveStatus::rejected;
+    path.work = work;
+    return path;
+}
+
 }  // namespace
 
 SpecularPath solve_specular_path(const SpecularChain& chain, const SolverOptions& options) {
@@ -132,18 +139,14 @@ SpecularPath solve_specular_path(const SpecularChain& chain, const SolverOptions
     ChainState state = make_state(chain, centres(), Region::planes, work);
     if (!options.newton) return make_path(chain, state, work);
 
-    if (is_hopeless(chain, state.evaluation, options.rejection_margin)) {
-        SpecularPath path;
-        path.status = SolveStatus::rejected;
-        path.work = work;
-        return path;
-    }
+    if (is_hopeless(chain, state.evaluation, options.rejection_margin)) return rejected_path(work);
     if (state.evaluation.valid) descend(chain, state, Region::planes, options.max_iterations, work);
     if (state.evaluation.admissible && all_inside(chain, state.position) &&
         largest_slope(chain, state.evaluation) <= exact_slope) {
         state.position = closest_inside(chain, state.position);
         return make_path(chain, state, work);
     }
+    if (!options.relaxed) return rejected_path(work);
     const ChainState best = minimum_inside(chain, options, state.position, work);
     return make_path(chain, best, work);
 }

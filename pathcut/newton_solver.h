@@ -15,6 +15,7 @@ enum class SolveStatus : uint8_t {
 };
 
 struct SolverOptions {
+    bool relaxed = true;      ///< Otherwise exact paths alone are looked for, and the rest is `rejected`.
     bool newton = true;       ///< Otherwise the path through the triangles' centres (Fig. 13, Li et al. 2022).
     int max_iterations = 24;  ///< Of each descent.
     /// A chain is rejected without a search if its slopes, linear about the centres, stay above max_slope everywhere in

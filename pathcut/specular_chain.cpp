@@ -53,4 +53,15 @@ ChainJacobian jacobian(const SpecularChain& chain, const ChainEvaluation& evalua
     return blocks;
 }
 
+double determinant(const ChainJacobian& jacobian, int length) {
+    // Block elimination from the receiver's side.
+    glm::dmat2 pivot = jacobian.by_own[0];
+    double product = glm::determinant(pivot);
+    for (size_t i = 1; i < static_cast<size_t>(length) && product != 0.0; ++i) {
+        pivot = jacobian.by_own[i] - jacobian.by_viewer[i] * glm::inverse(pivot) * jacobian.by_light[i - 1];
+        product *= glm::determinant(pivot);
+    }
+    return product;
+}
+
 }  // namespace nephroid

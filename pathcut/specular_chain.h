@@ -56,4 +56,7 @@ struct ChainJacobian {
 
 ChainJacobian jacobian(const SpecularChain& chain, const ChainEvaluation& evaluation);
 
+/// Determinant of the whole matrix, (1/m)^(2 length); zero where a leading block is singular.
+double determinant(const ChainJacobian& jacobian, int length);
+
 }  // namespace nephroid

@@ -56,9 +56,10 @@ std::string describe_scene(const Scene& scene, const CasterReport& casters) {
     for (size_t i = 0; i < scene.objects.size(); ++i) {
         const Mesh& mesh = scene.meshes[static_cast<size_t>(scene.objects[i].mesh)];
         const Material& material = scene.materials[static_cast<size_t>(mesh.material)];
-        out << "object " << i << " " << quoted(scene.objects[i].name) << ": " << mesh.triangles.size()
-            << " triangles, material " << quoted(material.name) << ", alpha " << material.roughness * material.roughness
-            << ", " << (casters.is_caster[i] != 0 ? "caster" : "receiver") << " (" << casters.reason[i] << ")"
+        out << "object " << i << " " << quoted(scene.objects[i].name) << ": " << mesh.triangles.size() << " triangles"
+            << (mesh.coarse_triangles > 0 ? " (densified from " + std::to_string(mesh.coarse_triangles) + ")" : "")
+            << ", material " << quoted(material.name) << ", alpha " << material.roughness * material.roughness << ", "
+            << (casters.is_caster[i] != 0 ? "caster" : "receiver") << " (" << casters.reason[i] << ")"
             << (material.emits() ? ", emits" : "") << "\n";
     }
     return out.str();

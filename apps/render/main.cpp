@@ -20,6 +20,7 @@
 #include "core/scene_fingerprint.h"
 #include "integrators/driver.h"
 #include "integrators/path/path_integrator.h"
+#include "pathcut/densify.h"
 
 namespace nephroid {
 
@@ -35,6 +36,7 @@ Scene load_scene(const Options& options) {
     Scene scene = load_gltf(options.scene);
     if (!options.env.empty()) scene.environment = load_environment(options.env, options.env_scale, scene.warnings);
     flatten_single_use_meshes(scene);
+    densify_objects(scene);
     return scene;
 }
 

@@ -1,0 +1,477 @@
+#include "pathcut/path_cut_search.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "pathcut/cut_test.h"
+#include "pathcut/path_merging.h"
+#include "pathcut/slope_triangle.h"
+
+namespace nephroid {
+
+namespace {
+
+/// A node of receivers and a chain of nodes of reflectors, the receiver's side first.
+struct PathCut {
+    TreeItem receiver;
+    PointBound<float> receiver_bound;
+    PerVertex<TreeItem> items;
+    PerVertex<MirrorBound<float>> bounds;
+    size_t length = 1;
+};
+
+/// The legs at each vertex of a cut.
+struct CutLegs {
+    PerVertex<Leg<float>> to_viewer, to_light;
+};
+
+Triple<FloatV> broadcast(const Triple<float>& v) {
+    return {FloatV(v.x), FloatV(v.y), FloatV(v.z)};
+}
+PointBound<FloatV> broadcast(const PointBound<float>& b) {
+    return {broadcast(b.centre), FloatV(b.radius)};
+}
+MirrorBound<FloatV> broadcast(const MirrorBound<float>& b) {
+    return {broadcast(b.points), broadcast(b.axis), FloatV(b.cos_spread), FloatV(b.sin_spread)};
+}
+Leg<FloatV> broadcast(const Leg<float>& leg) {
+    return {broadcast(leg.direction), FloatV(leg.chord), FloatV(leg.inverse_distance)};
+}
+
+FloatV mask_value(const UintV::mask_type& mask) {
+    UintV value(0U);
+    stdx::where(mask, value) = UintV(1U);
+    return stdx::static_simd_cast<FloatV>(stdx::static_simd_cast<IntV>(value));
+}
+
+uint32_t lane_bits(const FloatV::mask_type& mask) {
+    return static_cast<uint32_t>(mask.__to_bitset().to_ulong());
+}
+
+/// Searches the receivers of one node for all paths to all lights.
+class GroupSearch {
+  public:
+    GroupSearch(const ReflectorTree& reflectors, const ReceiverTree& receivers, std::span<const PathLight> lights,
+                const SearchOptions& options)
+        : reflectors_(reflectors), receivers_(receivers), lights_(lights), options_(options) {}
+
+    void run(TreeItem group, const PointBound<float>& bound, size_t receiver_count) {
+        nodes_left_ =
+            options_.max_nodes_per_receiver == 0 ? ~uint64_t{0} : options_.max_nodes_per_receiver * receiver_count;
+        for (light_ = 0; light_ < lights_.size(); ++light_) {
+            for (size_t length = 1; length <= static_cast<size_t>(options_.bounces); ++length) {
+                PathCut cut;
+                cut.length = length;
+                cut.receiver = group;
+                cut.receiver_bound = bound;
+                cut.items.fill(reflectors_.tree.root());
+                cut.bounds.fill(MirrorBound<float>{{{0.0F, 0.0F, 0.0F}, infinity}, {0.0F, 0.0F, 1.0F}, 0.0F, 1.0F});
+                visit(cut);
+            }
+        }
+        std::sort(found.begin(), found.end(), comes_before);
+        if (options_.merge_distance >= 0.0) statistics.merged = merge_paths(found, options_.merge_distance);
+        if (options_.is_visible) remove_occluded();
+        std::sort(cut_short_.begin(), cut_short_.end());
+        cut_short_.erase(std::unique(cut_short_.begin(), cut_short_.end()), cut_short_.end());
+        statistics.cut_short = cut_short_.size();
+    }
+
+    std::vector<FoundPath> found;
+    SearchStatistics statistics;
+
+  private:
+    static constexpr float infinity = std::numeric_limits<float>::infinity();
+
+    const PathLight& light() const { return lights_[light_]; }
+
+    CutLegs legs_of(const PathCut& cut) const {
+        CutLegs legs;
+        for (size_t i = 0; i < cut.length; ++i) {
+            const PointBound<float>& points = cut.bounds[i].points;
+            legs.to_viewer[i] = i == 0 ? make_leg(points, cut.receiver_bound) : reversed(legs.to_light[i - 1]);
+            legs.to_light[i] =
+                i + 1 == cut.length ? make_leg(points, light()) : make_leg(points, cut.bounds[i + 1].points);
+        }
+        return legs;
+    }
+
+    /// How much of the uncertainty about half vectors a node brings in; infinite where nothing is known.
+    static float thickness(float radius, const Leg<float>& leg, float half_vector) {
+        const float t = radius * leg.inverse_distance / half_vector;
+        return t < infinity ? t : infinity;  // Also for NaN.
+    }
+
+    /// 0: the receivers; i + 1: the i-th reflector; -1: nothing is left to split.
+    int thickest(const PathCut& cut, const CutLegs& legs) const {
+        PerVertex<float> half_vector{};
+        for (size_t i = 0; i < cut.length; ++i) {
+            const Triple<float> h = legs.to_viewer[i].direction + legs.to_light[i].direction;
+            half_vector[i] = square_root(dot(h, h));
+        }
+        int best = -1;
+        float most = -1.0F;
+        const bool one_bounce_leaf = cut.length == 1 && cut.items[0].level == 1;
+        if (cut.receiver.level > 0) {
+            most = thickness(cut.receiver_bound.radius, legs.to_viewer[0], half_vector[0]);
+            best = 0;
+            if (one_bounce_leaf) return best;
+        }
+        for (size_t i = 0; i < cut.length; ++i) {
+            if (cut.items[i].level == 0) continue;
+            const float radius = cut.bounds[i].points.radius;
+            float t = cut.bounds[i].sin_spread - reflectors_.smallest_spread;
+            t += thickness(radius, legs.to_viewer[i], half_vector[i]);
+            t += thickness(radius, legs.to_light[i], half_vector[i]);
+            if (i > 0) t += thickness(radius, legs.to_viewer[i], half_vector[i - 1]);
+            if (i + 1 < cut.length) t += thickness(radius, legs.to_light[i], half_vector[i + 1]);
+            if (t > most) {
+                most = t;
+                best = static_cast<int>(i) + 1;
+            }
+        }
+        return best;
+    }
+
+    /// Bits of the receivers' children that the first reflector may serve.
+    NEPHROID_FLATTEN uint32_t possible_receivers(const PathCut& cut, const CutLegs& legs) const {
+        const PointBlock& block = receivers_.tree.children(cut.receiver);
+        const MirrorBound<FloatV> mirror = broadcast(cut.bounds[0]);
+        const Leg<FloatV> to_light = broadcast(legs.to_light[0]);
+        uint32_t bits = 0;
+        for (size_t first = 0; first < block_size; first += simd_width) {
+            const Leg<FloatV> to_viewer = make_leg<FloatV>(mirror.points, load(block, first));
+            bits |= lane_bits(!cannot_reflect<FloatV>(mirror, to_viewer, to_light)) << first;
+        }
+        return bits & ((1U << receivers_.tree.child_count(cut.receiver)) - 1U);
+    }
+
+    /// Bits of reflector i's children that may reflect, and let its neighbours reflect.
+    NEPHROID_FLATTEN uint32_t possible_reflectors(const PathCut& cut, const CutLegs& legs, size_t i) const {
+        const MirrorBlock& block = reflectors_.tree.children(cut.items[i]);
+        const bool last = i + 1 == cut.length;
+        const PointBound<FloatV> viewer = broadcast(i == 0 ? cut.receiver_bound : cut.bounds[i - 1].points);
+        uint32_t bits = 0;
+        for (size_t first = 0; first < block_size; first += simd_width) {
+            const MirrorBound<FloatV> mirror = load(block, first);
+            const Leg<FloatV> to_viewer = make_leg<FloatV>(mirror.points, viewer);
+            const Leg<FloatV> to_light = last ? make_leg<FloatV>(mirror.points, light())
+                                              : make_leg<FloatV>(mirror.points, broadcast(cut.bounds[i + 1].points));
+            auto rejected = cannot_reflect<FloatV>(mirror, to_viewer, to_light);
+            if (last && !light().shines_everywhere()) rejected |= outside_light_cone<FloatV>(light(), to_light);
+            if (i > 0) {
+                rejected |= cannot_reflect<FloatV>(broadcast(cut.bounds[i - 1]), broadcast(legs.to_viewer[i - 1]),
+                                                   reversed<FloatV>(to_viewer));
+            }
+            if (!last) {
+                rejected |= cannot_reflect<FloatV>(broadcast(cut.bounds[i + 1]), reversed<FloatV>(to_light),
+                                                   broadcast(legs.to_light[i + 1]));
+            }
+            bits |= lane_bits(!rejected) << first;
+        }
+        return bits & ((1U << reflectors_.tree.child_count(cut.items[i])) - 1U);
+    }
+
+    /// Triangles of a block that may hold accepted paths, as bits.
+    struct Candidates {
+        uint32_t any = 0;      ///< All of them.
+        uint32_t relaxed = 0;  ///< Those where slopes may be smallest without vanishing.
+    };
+
+    NEPHROID_FLATTEN Candidates promising_triangles(const PathCut& cut, uint32_t bits) const {
+        const TriangleBlock& block = reflectors_.blocks[cut.items[0].index];
+        const Triple<FloatV> receiver = broadcast(cut.receiver_bound.centre);
+        const PointLight<FloatV> source{broadcast(to_triple(light().point)), light().at_infinity};
+        Candidates candidates;
+        for (size_t first = 0; first < block_size; first += simd_width) {
+            const uint32_t wanted = (bits >> first) & ((1U << simd_width) - 1U);
+            if (wanted == 0) continue;
+            const TriangleLanes<FloatV> triangles = load(block, first);
+            const SlopeImage<FloatV> image = slope_image<FloatV>(triangles, receiver, source);
+            const auto possible = !slopes_too_large<FloatV>(triangles, image, light_widening(triangles, receiver));
+            const uint32_t any = lane_bits(possible) & wanted;
+            if (any == 0) continue;
+            if (options_.selection == Selection::every_triangle) {
+                candidates.any |= any << first;
+                candidates.relaxed |= any << first;
+                continue;
+            }
+            const size_t triangle = size_t{cut.items[0].index} * block_size + first;
+            const auto minimum = image.grazing || may_fold<FloatV>(image, image.area) ||
+                                 folds_at_edges(triangle, image, receiver, source);
+            candidates.any |= (any & lane_bits(minimum || image.distance <= image.error)) << first;
+            candidates.relaxed |= (any & lane_bits(minimum)) << first;
+        }
+        return candidates;
+    }
+
+    /// Where a border, or a triangle of opposite orientation in slope space, is across the edge towards which slopes
+    /// fall. Elsewhere they go on falling behind that edge.
+    FloatV::mask_type folds_at_edges(size_t first_triangle, const SlopeImage<FloatV>& image,
+                                     const Triple<FloatV>& receiver, const PointLight<FloatV>& source) const {
+        static_assert(sizeof(TriangleBlock) % sizeof(float) == 0);
+        const auto* values = reinterpret_cast<const float*>(reflectors_.blocks.data());
+        const uint32_t* twins = reflectors_.twins.data()->data() + 3 * first_triangle;
+        constexpr auto block_floats = static_cast<uint32_t>(sizeof(TriangleBlock) / sizeof(float));
+        constexpr auto corner_floats = static_cast<uint32_t>(3 * block_size);
+        const auto exists = first_lanes(reflectors_.size() - first_triangle);
+        FloatV::mask_type folds(false);
+        for (uint32_t edge = 0; edge < 3; ++edge) {
+            const UintV twin = gather(twins, lane_numbers() * 3U + edge, exists);
+            const auto is_border = twin == UintV(no_half_edge);
+            const FloatV border = mask_value(is_border);
+            const auto has_twin = exists && border == FloatV(0.0F);
+            const UintV triangle = twin >> 2, corner_of_edge = twin & 3U;
+            UintV corner = corner_of_edge + 2U;
+            stdx::where(corner >= 3U, corner) = corner - 3U;
+            const UintV at = (triangle >> 4) * block_floats + corner * corner_floats + (triangle & 15U);
+            const auto load_triple = [&](uint32_t offset) {
+                return Triple<FloatV>{gather(values, at + offset, has_twin),
+                                      gather(values, at + (offset + static_cast<uint32_t>(block_size)), has_twin),
+                                      gather(values, at + (offset + 2 * static_cast<uint32_t>(block_size)), has_twin)};
+            };
+            const Triple<FloatV> position = load_triple(0), normal = load_triple(3 * corner_floats);
+            const SlopePoint<FloatV> apex = slope_at<FloatV>(position, normal, image.frame, receiver, source).slope;
+            const auto is_lowest = image.edge_distances[edge] <= image.distance + image.error;
+            folds |= is_lowest && (!has_twin || may_fold<FloatV>(image, area_across<FloatV>(image, edge, apex)));
+        }
+        return folds;
+    }
+
+    /// What a sphere light adds to slopes that count, from above; zero for other lights.
+    FloatV light_widening(const TriangleLanes<FloatV>& t, const Triple<FloatV>& receiver) const {
+        if (!(light().radius > 0.0F)) return FloatV(0.0F);
+        const Triple<FloatV> centroid = (t.positions[0] + t.positions[1] + t.positions[2]) * FloatV(1.0F / 3.0F);
+        const PointBound<FloatV> point{centroid, FloatV(0.0F)};
+        const Leg<FloatV> to_light = make_leg<FloatV>(point, light());
+        const Leg<FloatV> to_viewer = make_leg<FloatV>(point, PointBound<FloatV>{receiver, FloatV(0.0F)});
+        const Triple<FloatV> h = to_light.direction + to_viewer.direction;
+        const FloatV angle = to_light.chord * reciprocal_square_root(dot(h, h)) * FloatV(1.1F);
+        const FloatV widening = angle * FloatV(2.0F) * (FloatV(1.0F) + t.max_slope * t.max_slope);
+        return select(angle < FloatV(0.3F), widening, FloatV(infinity));
+    }
+
+    void visit(PathCut& cut) {
+        if (nodes_left_ == 0) {
+            drop(cut);
+            return;
+        }
+        --nodes_left_;
+        ++statistics.nodes_visited;
+        const CutLegs legs = legs_of(cut);
+        const int split = thickest(cut, legs);
+        if (split < 0) {
+            solve_chain(cut);
+        } else if (split == 0) {
+            descend_receivers(cut, possible_receivers(cut, legs));
+        } else {
+            const auto i = static_cast<size_t>(split) - 1;
+            const uint32_t bits = possible_reflectors(cut, legs, i);
+            if (cut.length == 1 && cut.items[0].level == 1) {
+                solve_block(cut, bits);
+            } else {
+                descend_reflectors(cut, i, bits);
+            }
+        }
+    }
+
+    void descend_receivers(PathCut& cut, uint32_t bits) {
+        const TreeItem parent = cut.receiver;
+        const PointBound<float> parent_bound = cut.receiver_bound;
+        const PointBlock& block = receivers_.tree.children(parent);
+        for (; bits != 0; bits &= bits - 1) {
+            const auto lane = static_cast<size_t>(std::countr_zero(bits));
+            cut.receiver = BlockTree<PointBlock>::child(parent, lane);
+            cut.receiver_bound = extract(block, lane);
+            visit(cut);
+        }
+        cut.receiver = parent;
+        cut.receiver_bound = parent_bound;
+    }
+
+    void descend_reflectors(PathCut& cut, size_t i, uint32_t bits) {
+        const TreeItem parent = cut.items[i];
+        const MirrorBound<float> parent_bound = cut.bounds[i];
+        const MirrorBlock& block = reflectors_.tree.children(parent);
+        for (; bits != 0; bits &= bits - 1) {
+            const auto lane = static_cast<size_t>(std::countr_zero(bits));
+            cut.items[i] = BlockTree<MirrorBlock>::child(parent, lane);
+            cut.bounds[i] = extract(block, lane);
+            visit(cut);
+        }
+        cut.items[i] = parent;
+        cut.bounds[i] = parent_bound;
+    }
+
+    /// One reflection at triangles of a block, for a single receiver.
+    void solve_block(const PathCut& cut, uint32_t bits) {
+        if (bits == 0) return;
+        statistics.leaf_cuts += static_cast<uint64_t>(std::popcount(bits));
+        const Candidates candidates = promising_triangles(cut, bits);
+        SolverOptions solver = options_.solver;
+        solver.rejection_margin = INFINITY;  // The triangles' images have said as much, and better.
+        for (uint32_t left = candidates.any; left != 0; left &= left - 1) {
+            const uint32_t lane = static_cast<uint32_t>(std::countr_zero(left));
+            solver.relaxed = (candidates.relaxed >> lane & 1U) != 0;
+            solve(cut, {cut.items[0].index * static_cast<uint32_t>(block_size) + lane}, solver);
+        }
+    }
+
+    /// A chain of single triangles.
+    void solve_chain(const PathCut& cut) {
+        PerVertex<uint32_t> triangles{};
+        for (size_t i = 0; i < cut.length; ++i) triangles[i] = cut.items[i].index;
+        for (size_t i = 1; i < cut.length; ++i) {
+            if (triangles[i] == triangles[i - 1]) return;  // Flat: light cannot go from a triangle to itself.
+        }
+        ++statistics.leaf_cuts;
+        solve(cut, triangles, options_.solver);
+    }
+
+    void solve(const PathCut& cut, const PerVertex<uint32_t>& triangles, const SolverOptions& solver) {
+        ++statistics.solves;
+        const TupleSolution solution =
+            solve_tuple(reflectors_, std::span(triangles).first(cut.length), to_vec3(cut.receiver_bound.centre),
+                        light(), options_.selection, solver);
+        statistics.iterations += static_cast<uint64_t>(solution.path.work.iterations);
+        statistics.continued += solution.continued ? 1 : 0;
+        if (!solution.accepted) return;
+        ++(solution.path.status == SolveStatus::exact ? statistics.exact : statistics.relaxed);
+        keep(cut, triangles, solution.path);
+    }
+
+    void keep(const PathCut& cut, const PerVertex<uint32_t>& triangles, const SpecularPath& path) {
+        FoundPath result;
+        result.receiver = cut.receiver.index;
+        result.path.residual = static_cast<float>(path.residual);
+        result.path.light = static_cast<uint16_t>(light_);
+        result.path.length = static_cast<uint8_t>(cut.length);
+        result.path.exact = path.status == SolveStatus::exact;
+        result.path.mirrored = determinant(path.jacobian, static_cast<int>(cut.length)) < 0.0;
+        for (size_t i = 0; i < cut.length; ++i) {
+            const PathVertex& vertex = path.vertices[i];
+            result.vertices[i] = {triangles[i], static_cast<float>(vertex.barycentrics.x),
+                                  static_cast<float>(vertex.barycentrics.y)};
+            result.positions[i] = Vec3(vertex.position);
+            result.edges[i] = static_cast<float>(reflectors_.patch(triangles[i]).size);
+        }
+        found.push_back(result);
+    }
+
+    void remove_occluded() {
+        size_t kept = 0;
+        for (FoundPath& path : found) {
+            PerVertex<SurfacePoint> points;
+            for (size_t i = 0; i < path.path.length; ++i) {
+                const SurfacePatch patch = reflectors_.patch(path.vertices[i].triangle);
+                const Vec2d barycentrics(path.vertices[i].b1, path.vertices[i].b2);
+                points[i] =
+                    surface_point(evaluate(patch, barycentrics).position, Vec3(patch.geometric_normal), patch.size);
+            }
+            path.path.occluded = !options_.is_visible(
+                receivers_.order[path.receiver], std::span(points).first(path.path.length), lights_[path.path.light]);
+            statistics.occluded += path.path.occluded ? 1 : 0;
+            if (!path.path.occluded || options_.keep_occluded) found[kept++] = path;
+        }
+        found.resize(kept);
+    }
+
+    void drop(const PathCut& cut) {
+        ++statistics.dropped_cuts;
+        const uint32_t shift = 4 * cut.receiver.level;
+        const size_t begin = size_t{cut.receiver.index} << shift;
+        const size_t end = std::min((size_t{cut.receiver.index} + 1) << shift, receivers_.tree.size);
+        for (size_t i = begin; i < end; ++i) cut_short_.push_back(static_cast<uint32_t>(i));
+    }
+
+    const ReflectorTree& reflectors_;
+    const ReceiverTree& receivers_;
+    std::span<const PathLight> lights_;
+    const SearchOptions& options_;
+    size_t light_ = 0;
+    uint64_t nodes_left_ = 0;
+    std::vector<uint32_t> cut_short_;
+};
+
+/// The paths of a group in the form in which they are handed on.
+struct GroupResult {
+    std::vector<uint32_t> receivers;  ///< Of each path, in the order of the receiver tree.
+    std::vector<RepresentativePath> paths;
+    std::vector<ReflectorVertex> vertices;
+    SearchStatistics statistics;
+};
+
+GroupResult pack(const std::vector<FoundPath>& found, const SearchStatistics& statistics) {
+    GroupResult result;
+    result.statistics = statistics;
+    result.receivers.reserve(found.size());
+    result.paths.reserve(found.size());
+    size_t vertices = 0;
+    for (const FoundPath& f : found) vertices += f.path.length;
+    result.vertices.reserve(vertices);
+    for (const FoundPath& f : found) {
+        result.receivers.push_back(f.receiver);
+        result.paths.push_back(f.path);
+        result.paths.back().first_vertex = static_cast<uint32_t>(result.vertices.size());
+        result.vertices.insert(result.vertices.end(), f.vertices.begin(), f.vertices.begin() + f.path.length);
+    }
+    return result;
+}
+
+/// Puts the groups' paths into the order in which the receivers were given. Frees each group as it goes.
+void collect(std::vector<GroupResult>& groups, const ReceiverTree& receivers, RepresentativePaths& result) {
+    size_t vertices = 0;
+    for (const GroupResult& group : groups) {
+        result.statistics += group.statistics;
+        vertices += group.vertices.size();
+        for (const uint32_t receiver : group.receivers) ++result.first_path[receivers.order[receiver] + 1];
+    }
+    for (size_t i = 1; i < result.first_path.size(); ++i) result.first_path[i] += result.first_path[i - 1];
+    result.paths.resize(result.first_path.back());
+    result.vertices.reserve(vertices);
+    for (GroupResult& group : groups) {
+        const auto first = static_cast<uint32_t>(result.vertices.size());
+        result.vertices.insert(result.vertices.end(), group.vertices.begin(), group.vertices.end());
+        for (size_t i = 0, nth = 0; i < group.paths.size(); ++i, ++nth) {
+            if (i > 0 && group.receivers[i] != group.receivers[i - 1]) nth = 0;
+            RepresentativePath path = group.paths[i];
+            path.first_vertex += first;
+            result.paths[result.first_path[receivers.order[group.receivers[i]]] + nth] = path;
+        }
+        group = {};
+    }
+}
+
+/// The level at which there are enough nodes of receivers to keep all threads busy to the end.
+uint32_t group_level(const ReceiverTree& receivers) {
+    constexpr size_t enough_groups = 128;
+    auto level = static_cast<uint32_t>(receivers.tree.levels.size() - 1);
+    while (level > 0 && receivers.tree.items_at(level) < enough_groups) --level;
+    return level;
+}
+
+}  // namespace
+
+RepresentativePaths find_representative_paths(const ReflectorTree& reflectors, const ReceiverTree& receivers,
+                                              std::span<const PathLight> lights, const SearchOptions& options) {
+    RepresentativePaths result;
+    result.first_path.assign(receivers.given + 1, 0);
+    if (receivers.tree.size == 0 || reflectors.size() == 0) return result;
+    const uint32_t level = group_level(receivers);
+    const size_t groups = receivers.tree.items_at(level);
+    std::vector<GroupResult> results(groups);
+    tbb::parallel_for(size_t{0}, groups, [&](size_t g) {
+        GroupSearch search(reflectors, receivers, lights, options);
+        const size_t run = size_t{1} << (4 * level);
+        const PointBound<float> bound = extract(receivers.tree.levels[level][g / block_size], g % block_size);
+        search.run({level, static_cast<uint32_t>(g)}, bound, std::min(run, receivers.tree.size - g * run));
+        results[g] = pack(search.found, search.statistics);
+    });
+    collect(results, receivers, result);
+    return result;
+}
+
+}  // namespace nephroid

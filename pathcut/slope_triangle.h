@@ -1,0 +1,155 @@
+// The last test before the solver: sixteen triangles against one receiver and one light, linear in slope space.
+//
+// Over a small triangle the slope C is nearly linear, so that the triangle's image in slope space is the triangle of
+// its corners' slopes: an exact specular path runs through it if that image holds the origin, and the smallest slope is
+// the image's distance from the origin. How far C is from linear shows at the centroid; what it may be elsewhere is
+// allowed for twice over. Not conservative in theory, therefore; no miss in the tests against brute force.
+#pragma once
+
+#include "core/frame.h"
+#include "pathcut/cut_test.h"
+#include "pathcut/reflector_tree.h"
+
+namespace nephroid {
+
+/// Sixteen triangles or as many as a vector holds.
+template <class F>
+struct TriangleLanes {
+    std::array<Triple<F>, 3> positions;
+    std::array<Triple<F>, 3> normals;
+    F max_slope;
+};
+
+inline TriangleLanes<FloatV> load(const TriangleBlock& block, size_t first) {
+    TriangleLanes<FloatV> lanes;
+    for (size_t corner = 0; corner < 3; ++corner) {
+        const auto& p = block.positions[corner];
+        const auto& n = block.normals[corner];
+        lanes.positions[corner] = load_lanes<FloatV>(p[0], p[1], p[2], first);
+        lanes.normals[corner] = load_lanes<FloatV>(n[0], n[1], n[2], first);
+    }
+    lanes.max_slope = load_lanes<FloatV>(block.max_slope, first);
+    return lanes;
+}
+
+/// A point of slope space.
+template <class F>
+struct SlopePoint {
+    F x, y;
+    friend SlopePoint operator-(const SlopePoint& a, const SlopePoint& b) { return {a.x - b.x, a.y - b.y}; }
+    friend SlopePoint operator+(const SlopePoint& a, const SlopePoint& b) { return {a.x + b.x, a.y + b.y}; }
+    friend SlopePoint operator*(const SlopePoint& a, const F& s) { return {a.x * s, a.y * s}; }
+};
+template <class F>
+F squared_length(const SlopePoint<F>& a) {
+    return a.x * a.x + a.y * a.y;
+}
+template <class F>
+F cross(const SlopePoint<F>& a, const SlopePoint<F>& b) {
+    return a.x * b.y - a.y * b.x;
+}
+
+template <class F>
+struct PointLight {
+    Triple<F> point;
+    bool at_infinity;
+};
+
+/// What slopes are made of at a point.
+template <class F>
+struct SlopeSample {
+    SlopePoint<F> slope;  ///< In the plane of a frame; grows without bound where h turns away from n.
+    F lowest;             ///< The smaller cosine of wo and wi to the normal's line.
+};
+
+template <class F>
+SlopeSample<F> slope_at(const Triple<F>& position, const Triple<F>& n, const Frame<F>& frame, const Triple<F>& receiver,
+                        const PointLight<F>& light) {
+    const Triple<F> to_viewer = receiver - position;
+    const Triple<F> to_light = light.at_infinity ? light.point : light.point - position;
+    const Triple<F> wo = to_viewer * reciprocal_square_root(dot(to_viewer, to_viewer));
+    const Triple<F> wi = to_light * reciprocal_square_root(dot(to_light, to_light));
+    const Triple<F> h = wo + wi;
+    const Triple<F> m = h * (F(1.0F) / dot(h, n)) - n;
+    return {{dot(m, frame.s), dot(m, frame.t)}, minimum(absolute(dot(wo, n)), absolute(dot(wi, n)))};
+}
+
+/// Squared distance of the origin from the segment from a to b.
+template <class F>
+F squared_distance_from_origin(const SlopePoint<F>& a, const SlopePoint<F>& b) {
+    const SlopePoint<F> edge = b - a;
+    const F length2 = maximum(squared_length(edge), F(1e-30F));
+    const F t = minimum(maximum(-(a.x * edge.x + a.y * edge.y) / length2, F(0.0F)), F(1.0F));
+    return squared_length(a + edge * t);
+}
+
+/// A triangle's image in slope space.
+template <class F>
+struct SlopeImage {
+    Frame<F> frame;
+    std::array<SlopePoint<F>, 3> corners;
+    F distance;                       ///< From the origin; zero inside.
+    std::array<F, 3> edge_distances;  ///< The same of the edges 0-1, 1-2, 2-0.
+    F error;                          ///< Bound of what linearity neglects, at least what rounding does.
+    F area;                           ///< Twice the signed area: its sign is the Jacobian determinant's.
+    MaskOf<F> grazing;  ///< The triangle or one next to it may have its back to the light or the receiver.
+};
+
+template <class F>
+SlopeImage<F> slope_image(const TriangleLanes<F>& t, const Triple<F>& receiver, const PointLight<F>& light) {
+    const Triple<F> mean_normal = normalized(t.normals[0] + t.normals[1] + t.normals[2]);
+    SlopeImage<F> image;
+    const Frame<F>& frame = image.frame = make_frame(mean_normal);
+    F lowest(1.0F), turn2(0.0F);
+    for (size_t i = 0; i < 3; ++i) {
+        const SlopeSample<F> sample = slope_at(t.positions[i], t.normals[i], frame, receiver, light);
+        image.corners[i] = sample.slope;
+        lowest = minimum(lowest, sample.lowest);
+        const Triple<F> turned = t.normals[i] - mean_normal;
+        turn2 = maximum(turn2, dot(turned, turned));
+    }
+    image.grazing = lowest < F(0.01F) + F(3.0F) * square_root(turn2);
+    const auto& c = image.corners;
+    const Triple<F> centroid = (t.positions[0] + t.positions[1] + t.positions[2]) * F(1.0F / 3.0F);
+    const SlopePoint<F> mean = (c[0] + c[1] + c[2]) * F(1.0F / 3.0F);
+    const SlopePoint<F> bend = slope_at(centroid, mean_normal, frame, receiver, light).slope - mean;
+    const F extent2 =
+        maximum(squared_length(c[0] - mean), maximum(squared_length(c[1] - mean), squared_length(c[2] - mean)));
+    image.error = F(2.0F) * square_root(squared_length(bend)) + F(0.02F) * square_root(extent2) + F(1e-6F);
+    const F s0 = cross(c[0], c[1]), s1 = cross(c[1], c[2]), s2 = cross(c[2], c[0]);
+    const F zero(0.0F);
+    const auto inside = (s0 >= zero && s1 >= zero && s2 >= zero) || (s0 <= zero && s1 <= zero && s2 <= zero);
+    for (size_t i = 0; i < 3; ++i) {
+        image.edge_distances[i] = square_root(squared_distance_from_origin(c[i], c[(i + 1) % 3]));
+    }
+    const F outside = minimum(image.edge_distances[0], minimum(image.edge_distances[1], image.edge_distances[2]));
+    image.distance = select(inside, zero, outside);
+    image.area = s0 + s1 + s2;
+    return image;
+}
+
+/// True where the smallest slope inside the triangle is above what is accepted. `widening`: what a sphere light adds.
+template <class F>
+MaskOf<F> slopes_too_large(const TriangleLanes<F>& t, const SlopeImage<F>& image, const F& widening) {
+    return image.distance > t.max_slope + widening + image.error;
+}
+
+/// Whether a triangle of that signed area in slope space may have the other orientation, for all that linearity
+/// neglects: the surface folds here, and slopes may be smallest without vanishing.
+template <class F>
+MaskOf<F> may_fold(const SlopeImage<F>& image, const F& area) {
+    const auto& c = image.corners;
+    const F longest = square_root(
+        maximum(squared_length(c[1] - c[0]), maximum(squared_length(c[2] - c[1]), squared_length(c[0] - c[2]))));
+    const F least = longest * image.error;
+    return !((area > least && image.area > least) || (area < -least && image.area < -least));
+}
+
+/// Twice the signed area of the image of the triangle across edge `edge`, whose third corner maps to `apex`.
+template <class F>
+F area_across(const SlopeImage<F>& image, size_t edge, const SlopePoint<F>& apex) {
+    const SlopePoint<F>&from = image.corners[(edge + 1) % 3], &to = image.corners[edge];
+    return cross(to - from, apex - from);
+}
+
+}  // namespace nephroid

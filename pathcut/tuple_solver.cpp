@@ -1,0 +1,166 @@
+#include "pathcut/tuple_solver.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "pathcut/cut_test.h"
+
+namespace nephroid {
+
+namespace {
+
+constexpr double on_edge = 1e-9;  // Barycentric distance within which a path runs along an edge.
+
+/// By how much the half vector at a patch turns, at most, within a sphere light: an angle, radians.
+double half_vector_spread(const SurfacePatch& patch, const Vec3d& viewer, const PathLight& light) {
+    if (!(light.radius > 0.0F)) return 0.0;
+    const Vec3d centre = (patch.positions[0] + patch.positions[1] + patch.positions[2]) / 3.0;
+    const Vec3d to_light = Vec3d(light.point) - centre;
+    const double distance = glm::length(to_light);
+    const double h = glm::length(to_light / distance + glm::normalize(viewer - centre));
+    const double chord = chord_of_sine(static_cast<float>(double{light.radius} / distance));
+    return chord < h ? std::asin(chord / h) : 2.0;
+}
+
+/// Barycentric coordinates of a point of the patch's plane.
+Vec2d locate(const SurfacePatch& patch, const Vec3d& point) {
+    const Vec3d from_corner = point - patch.positions[0];
+    return moved(patch, Vec2d(0.0), Vec2d(glm::dot(from_corner, patch.axes[0]), glm::dot(from_corner, patch.axes[1])));
+}
+
+/// Half the gradient of the merit (squared slopes in units of alpha) by the plane coordinates of vertex i.
+Vec2d half_gradient(const SpecularChain& chain, const ChainEvaluation& evaluation, size_t i) {
+    const ChainJacobian blocks = jacobian(chain, evaluation);
+    const auto weighted = [&](size_t j) {
+        const double alpha = std::max(chain.vertices[j].alpha, 1e-4);
+        return evaluation.constraints[j].slope / (alpha * alpha);
+    };
+    Vec2d gradient = weighted(i) * blocks.by_own[i];  // vector * matrix: the product with the transposed matrix.
+    if (i > 0) gradient += weighted(i - 1) * blocks.by_light[i - 1];
+    if (i + 1 < static_cast<size_t>(chain.length)) gradient += weighted(i + 1) * blocks.by_viewer[i + 1];
+    return gradient;
+}
+
+/// A path with one vertex moved to the same point on a neighbouring triangle.
+struct Crossing {
+    SurfacePatch patch;
+    Vec2d downhill;  ///< Steepest way down there, plane coordinates, unit; zero if there is none.
+};
+
+Crossing cross_over(const ReflectorTree& reflectors, SpecularChain chain, ChainPosition position, size_t i,
+                    uint32_t triangle) {
+    Crossing crossing{reflectors.patch(triangle), Vec2d(0.0)};
+    const Vec3d point = evaluate(*chain.vertices[i].patch, position[i]).position;
+    chain.vertices[i].patch = &crossing.patch;
+    position[i] = locate(crossing.patch, point);
+    const ChainEvaluation evaluation = evaluate(chain, position);
+    if (!evaluation.admissible) return crossing;
+    const Vec2d gradient = half_gradient(chain, evaluation, i);
+    const double steepness = glm::length(gradient);
+    if (steepness > 0.0) crossing.downhill = gradient / -steepness;
+    return crossing;
+}
+
+constexpr double level = 1e-6;  // Sine of slopes too gentle to tell from none.
+
+/// Whether the way down leads from a point of edge `edge` into the triangle.
+bool falls_from_edge(const Crossing& crossing, uint32_t edge) {
+    const Vec2d along = glm::normalize(edge_vector(crossing.patch, static_cast<int>(edge)));
+    return glm::dot(crossing.downhill, Vec2d(-along.y, along.x)) > level;  // Counterclockwise: left is inside.
+}
+
+/// Whether any way down leads from corner `corner` into the triangle.
+bool falls_from_corner(const Crossing& crossing, uint32_t corner) {
+    const Vec2d next = glm::normalize(edge_vector(crossing.patch, static_cast<int>(corner)));
+    const Vec2d last = -glm::normalize(edge_vector(crossing.patch, static_cast<int>((corner + 2) % 3)));
+    const Vec2d& down = crossing.downhill;
+    if (glm::dot(down, next) > level || glm::dot(down, last) > level) return true;
+    return next.x * down.y - next.y * down.x > level && down.x * last.y - down.y * last.x > level;
+}
+
+/// Vertex i of the path lies on corner `corner` of its triangle: whether slopes fall into another one around it.
+bool continues_around_corner(const ReflectorTree& reflectors, const SpecularChain& chain, const ChainPosition& position,
+                             size_t i, uint32_t triangle, uint32_t corner) {
+    // Around to the left over the edge that ends at the corner; then, if a border stopped that, around to the right.
+    HalfEdge h = reflectors.twins[triangle][(corner + 2) % 3];
+    while (h != no_half_edge && triangle_of(h) != triangle) {
+        const uint32_t at = edge_of(h);  // The twin starts at the corner.
+        if (falls_from_corner(cross_over(reflectors, chain, position, i, triangle_of(h)), at)) return true;
+        h = reflectors.twins[triangle_of(h)][(at + 2) % 3];
+    }
+    if (h != no_half_edge) return false;
+    h = reflectors.twins[triangle][corner];
+    while (h != no_half_edge && triangle_of(h) != triangle) {
+        const uint32_t at = (edge_of(h) + 1) % 3;  // The twin ends at the corner.
+        if (falls_from_corner(cross_over(reflectors, chain, position, i, triangle_of(h)), at)) return true;
+        h = reflectors.twins[triangle_of(h)][at];
+    }
+    return false;
+}
+
+bool continues_from_vertex(const ReflectorTree& reflectors, const SpecularChain& chain, const ChainPosition& position,
+                           size_t i, uint32_t triangle) {
+    const Vec2d& b = position[i];
+    const std::array<double, 3> weight{1.0 - b.x - b.y, b.x, b.y};
+    for (uint32_t corner = 0; corner < 3; ++corner) {
+        if (weight[corner] >= 1.0 - on_edge) {
+            return continues_around_corner(reflectors, chain, position, i, triangle, corner);
+        }
+    }
+    for (uint32_t edge = 0; edge < 3; ++edge) {
+        const HalfEdge twin = reflectors.twins[triangle][edge];
+        if (weight[(edge + 2) % 3] > on_edge || twin == no_half_edge) continue;
+        if (falls_from_edge(cross_over(reflectors, chain, position, i, triangle_of(twin)), edge_of(twin))) return true;
+    }
+    return false;
+}
+
+bool continues_elsewhere(const ReflectorTree& reflectors, std::span<const uint32_t> triangles,
+                         const SpecularChain& chain, const SpecularPath& path) {
+    ChainPosition position{};
+    for (size_t i = 0; i < triangles.size(); ++i) position[i] = path.vertices[i].barycentrics;
+    for (size_t i = 0; i < triangles.size(); ++i) {
+        if (continues_from_vertex(reflectors, chain, position, i, triangles[i])) return true;
+    }
+    return false;
+}
+
+}  // namespace
+
+void make_tuple_chain(const ReflectorTree& reflectors, std::span<const uint32_t> triangles, const Vec3& receiver,
+                      const PathLight& light, TuplePatches& result) {
+    SpecularChain& chain = result.chain;
+    chain = {};
+    chain.length = static_cast<int>(triangles.size());
+    chain.receiver = Vec3d(receiver);
+    chain.light = light.end();
+    for (size_t i = 0; i < triangles.size(); ++i) {
+        result.patches[i] = reflectors.patch(triangles[i]);
+        chain.vertices[i] = {
+            &result.patches[i], {}, double{reflectors.alpha(triangles[i])}, double{reflectors.max_slope(triangles[i])}};
+    }
+    if (light.radius > 0.0F) {
+        const size_t last = triangles.size() - 1;
+        const Vec3d viewer = last == 0 ? chain.receiver : evaluate(result.patches[last - 1], triangle_centre).position;
+        double& limit = chain.vertices[last].max_slope;
+        const double angle = std::atan(limit) + half_vector_spread(result.patches[last], viewer, light);
+        limit = angle < 1.57 ? std::tan(angle) : INFINITY;
+    }
+}
+
+TupleSolution solve_tuple(const ReflectorTree& reflectors, std::span<const uint32_t> triangles, const Vec3& receiver,
+                          const PathLight& light, Selection selection, const SolverOptions& options) {
+    TuplePatches tuple;
+    make_tuple_chain(reflectors, triangles, receiver, light, tuple);
+    TupleSolution solution;
+    solution.path = solve_specular_path(tuple.chain, options);
+    const SolveStatus status = solution.path.status;
+    if (status != SolveStatus::exact && status != SolveStatus::relaxed) return solution;
+    if (!light.shines_on(solution.path.vertices[triangles.size() - 1].position)) return solution;
+    solution.continued = status == SolveStatus::relaxed && options.newton && selection == Selection::local_minima &&
+                         continues_elsewhere(reflectors, triangles, tuple.chain, solution.path);
+    solution.accepted = !solution.continued;
+    return solution;
+}
+
+}  // namespace nephroid
