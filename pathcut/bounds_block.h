@@ -86,4 +86,20 @@ inline void store(MirrorBlock& block, size_t lane, const MirrorBound<float>& bou
     block.sin_spread[lane] = bound.sin_spread;
 }
 
+/// The same in all lanes.
+inline Triple<FloatV> broadcast(const Triple<float>& v) {
+    return {FloatV(v.x), FloatV(v.y), FloatV(v.z)};
+}
+inline PointBound<FloatV> broadcast(const PointBound<float>& b) {
+    return {broadcast(b.centre), FloatV(b.radius)};
+}
+inline MirrorBound<FloatV> broadcast(const MirrorBound<float>& b) {
+    return {broadcast(b.points), broadcast(b.axis), FloatV(b.cos_spread), FloatV(b.sin_spread)};
+}
+
+/// A mask as bits, lane 0 lowest.
+inline uint32_t lane_bits(const FloatV::mask_type& mask) {
+    return static_cast<uint32_t>(mask.__to_bitset().to_ulong());
+}
+
 }  // namespace nephroid

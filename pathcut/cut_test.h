@@ -50,6 +50,10 @@ Leg<F> make_leg(const PointBound<F>& from, const PathLight& light) {
     return make_leg<F>(from, PointBound<F>{point, F(light.radius)});
 }
 
+inline Leg<FloatV> broadcast(const Leg<float>& leg) {
+    return {broadcast(leg.direction), FloatV(leg.chord), FloatV(leg.inverse_distance)};
+}
+
 template <class F>
 Leg<F> reversed(const Leg<F>& leg) {
     return {-leg.direction, leg.chord, leg.inverse_distance};

@@ -136,11 +136,12 @@ SpecularPath rejected_path(const SolverWork& work) {
 SpecularPath solve_specular_path(const SpecularChain& chain, const SolverOptions& options) {
     SolverWork work;
     if (!is_solvable(chain)) return {};
-    ChainState state = make_state(chain, centres(), Region::planes, work);
+    const bool guessed = options.newton && options.start != nullptr;
+    ChainState state = make_state(chain, guessed ? *options.start : centres(), Region::planes, work);
     if (!options.newton) return make_path(chain, state, work);
 
-    if (is_hopeless(chain, state.evaluation, options.rejection_margin)) return rejected_path(work);
-    if (state.evaluation.valid) descend(chain, state, Region::planes, options.max_iterations, work);
+    if (!guessed && is_hopeless(chain, state.evaluation, options.rejection_margin)) return rejected_path(work);
+    if (state.evaluation.valid) descend(chain, state, Region::planes, options.max_iterations, work, options.furthest);
     if (state.evaluation.admissible && all_inside(chain, state.position) &&
         largest_slope(chain, state.evaluation) <= exact_slope) {
         state.position = closest_inside(chain, state.position);

@@ -15,6 +15,10 @@ enum class SolveStatus : uint8_t {
 };
 
 struct SolverOptions {
+    /// Where exact paths are looked for from; the triangles' centres if null. A good guess saves most of the work.
+    const ChainPosition* start = nullptr;
+    /// How far (barycentric, from the triangles' centres) the search for exact paths may stray.
+    double furthest = 16.0;
     bool relaxed = true;      ///< Otherwise exact paths alone are looked for, and the rest is `rejected`.
     bool newton = true;       ///< Otherwise the path through the triangles' centres (Fig. 13, Li et al. 2022).
     int max_iterations = 24;  ///< Of each descent.

@@ -6,8 +6,10 @@
 #include <bit>
 #include <cmath>
 
+#include "pathcut/beam_search.h"
 #include "pathcut/cut_test.h"
 #include "pathcut/path_merging.h"
+#include "pathcut/skimming.h"
 #include "pathcut/slope_triangle.h"
 
 namespace nephroid {
@@ -28,53 +30,32 @@ struct CutLegs {
     PerVertex<Leg<float>> to_viewer, to_light;
 };
 
-Triple<FloatV> broadcast(const Triple<float>& v) {
-    return {FloatV(v.x), FloatV(v.y), FloatV(v.z)};
-}
-PointBound<FloatV> broadcast(const PointBound<float>& b) {
-    return {broadcast(b.centre), FloatV(b.radius)};
-}
-MirrorBound<FloatV> broadcast(const MirrorBound<float>& b) {
-    return {broadcast(b.points), broadcast(b.axis), FloatV(b.cos_spread), FloatV(b.sin_spread)};
-}
-Leg<FloatV> broadcast(const Leg<float>& leg) {
-    return {broadcast(leg.direction), FloatV(leg.chord), FloatV(leg.inverse_distance)};
-}
-
 FloatV mask_value(const UintV::mask_type& mask) {
     UintV value(0U);
     stdx::where(mask, value) = UintV(1U);
     return stdx::static_simd_cast<FloatV>(stdx::static_simd_cast<IntV>(value));
 }
 
-uint32_t lane_bits(const FloatV::mask_type& mask) {
-    return static_cast<uint32_t>(mask.__to_bitset().to_ulong());
-}
-
-/// Searches the receivers of one node for all paths to all lights.
+/// Searches the receivers of one node for all paths to one light.
 class GroupSearch {
   public:
-    GroupSearch(const ReflectorTree& reflectors, const ReceiverTree& receivers, std::span<const PathLight> lights,
-                const SearchOptions& options)
-        : reflectors_(reflectors), receivers_(receivers), lights_(lights), options_(options) {}
+    GroupSearch(const ReflectorTree& reflectors, const ReceiverTree& receivers, const PathLight& light,
+                const LitTriangles& lit, const BeamSets& beams, const SearchOptions& options)
+        : reflectors_(reflectors), receivers_(receivers), light_(light), lit_(lit), beams_(beams), options_(options) {}
 
-    void run(TreeItem group, const PointBound<float>& bound, size_t receiver_count) {
+    void run(TreeItem group) {
+        const size_t begin = size_t{group.index} << (4 * group.level);
+        const size_t end = std::min((size_t{group.index} + 1) << (4 * group.level), receivers_.tree.size);
         nodes_left_ =
-            options_.max_nodes_per_receiver == 0 ? ~uint64_t{0} : options_.max_nodes_per_receiver * receiver_count;
-        for (light_ = 0; light_ < lights_.size(); ++light_) {
-            for (size_t length = 1; length <= static_cast<size_t>(options_.bounces); ++length) {
-                PathCut cut;
-                cut.length = length;
-                cut.receiver = group;
-                cut.receiver_bound = bound;
-                cut.items.fill(reflectors_.tree.root());
-                cut.bounds.fill(MirrorBound<float>{{{0.0F, 0.0F, 0.0F}, infinity}, {0.0F, 0.0F, 1.0F}, 0.0F, 1.0F});
-                visit(cut);
-            }
+            options_.max_nodes_per_receiver == 0 ? ~uint64_t{0} : options_.max_nodes_per_receiver * (end - begin);
+        const bool all_cuts = options_.selection == Selection::every_triangle || !options_.solver.newton;
+        for (int length = 1; length <= (all_cuts ? options_.bounces : 1); ++length) search_cuts(group, length);
+        for (int length = 2; length <= (all_cuts ? 0 : options_.bounces); ++length) {
+            for (size_t i = begin; i < end; ++i) search_beams(i, length);
         }
         std::sort(found.begin(), found.end(), comes_before);
         if (options_.merge_distance >= 0.0) statistics.merged = merge_paths(found, options_.merge_distance);
-        if (options_.is_visible) remove_occluded();
+        if (options_.accelerator != nullptr) remove_occluded();
         std::sort(cut_short_.begin(), cut_short_.end());
         cut_short_.erase(std::unique(cut_short_.begin(), cut_short_.end()), cut_short_.end());
         statistics.cut_short = cut_short_.size();
@@ -86,7 +67,34 @@ class GroupSearch {
   private:
     static constexpr float infinity = std::numeric_limits<float>::infinity();
 
-    const PathLight& light() const { return lights_[light_]; }
+    const PathLight& light() const { return light_; }
+
+    void search_cuts(TreeItem group, int length) {
+        PathCut cut;
+        cut.length = static_cast<size_t>(length);
+        cut.receiver = group;
+        cut.receiver_bound =
+            extract(receivers_.tree.levels[group.level][group.index / block_size], group.index % block_size);
+        cut.items.fill(reflectors_.tree.root());
+        cut.bounds.fill(MirrorBound<float>{{{0.0F, 0.0F, 0.0F}, infinity}, {0.0F, 0.0F, 1.0F}, 0.0F, 1.0F});
+        visit(cut);
+    }
+
+    void search_beams(size_t receiver, int length) {
+        const uint64_t visited_before = statistics.nodes_visited;
+        const PointBound<float> bound =
+            extract(receivers_.tree.levels[0][receiver / block_size], receiver % block_size);
+        if (nodes_left_ == 0) {
+            ++statistics.dropped_cuts;
+            cut_short_.push_back(static_cast<uint32_t>(receiver));
+            return;
+        }
+        const size_t found_before = found.size();
+        find_paths_in_beams(reflectors_, beams_, length, to_vec3(bound.centre), light_, options_.solver, found,
+                            statistics);
+        for (size_t i = found_before; i < found.size(); ++i) found[i].receiver = static_cast<uint32_t>(receiver);
+        nodes_left_ -= std::min(nodes_left_, statistics.nodes_visited - visited_before);
+    }
 
     CutLegs legs_of(const PathCut& cut) const {
         CutLegs legs;
@@ -175,6 +183,37 @@ class GroupSearch {
         return bits & ((1U << reflectors_.tree.child_count(cut.items[i])) - 1U);
     }
 
+    /// Of the triangles `bits` of reflector i, those that are not just next to a neighbouring vertex's triangle.
+    uint32_t without_skimming(const PathCut& cut, const CutLegs& legs, size_t i, uint32_t bits) const {
+        uint32_t kept = bits;
+        for (const size_t other : {i - 1, i + 1}) {  // i - 1 wraps around to a number above all lengths.
+            if (other >= cut.length || cut.items[other].level != 0) continue;
+            const uint32_t first = cut.items[i].index * static_cast<uint32_t>(block_size);
+            for (uint32_t left = kept; left != 0; left &= left - 1) {
+                const auto lane = static_cast<uint32_t>(std::countr_zero(left));
+                const MirrorBound<float> mirror = extract(reflectors_.tree.children(cut.items[i]), lane);
+                if (make_leg(mirror.points, cut.bounds[other].points).chord < leg::unbounded) continue;
+                if (skims(cut, legs, i, first + lane, mirror, other)) kept &= ~(1U << lane);
+            }
+        }
+        return kept;
+    }
+
+    bool skims(const PathCut& cut, const CutLegs& legs, size_t i, uint32_t triangle, const MirrorBound<float>& mirror,
+               size_t other) const {
+        const uint32_t other_triangle = cut.items[other].index;
+        if (triangle == other_triangle) return true;  // Flat: light cannot go from a triangle to itself.
+        const bool towards_light = other > i;
+        const Leg<float> outer = towards_light
+                                     ? (i == 0 ? make_leg(mirror.points, cut.receiver_bound)
+                                               : make_leg(mirror.points, cut.bounds[i - 1].points))
+                                     : (i + 1 == cut.length ? make_leg(mirror.points, light())
+                                                            : make_leg(mirror.points, cut.bounds[i + 1].points));
+        const Leg<float>& other_outer = towards_light ? legs.to_light[other] : legs.to_viewer[other];
+        return only_skims(reflectors_, triangle, mirror, outer, other_triangle) ||
+               only_skims(reflectors_, other_triangle, cut.bounds[other], other_outer, triangle);
+    }
+
     /// Triangles of a block that may hold accepted paths, as bits.
     struct Candidates {
         uint32_t any = 0;      ///< All of them.
@@ -184,13 +223,13 @@ class GroupSearch {
     NEPHROID_FLATTEN Candidates promising_triangles(const PathCut& cut, uint32_t bits) const {
         const TriangleBlock& block = reflectors_.blocks[cut.items[0].index];
         const Triple<FloatV> receiver = broadcast(cut.receiver_bound.centre);
-        const PointLight<FloatV> source{broadcast(to_triple(light().point)), light().at_infinity};
         Candidates candidates;
         for (size_t first = 0; first < block_size; first += simd_width) {
             const uint32_t wanted = (bits >> first) & ((1U << simd_width) - 1U);
             if (wanted == 0) continue;
             const TriangleLanes<FloatV> triangles = load(block, first);
-            const SlopeImage<FloatV> image = slope_image<FloatV>(triangles, receiver, source);
+            const SlopeImage<FloatV> image =
+                slope_image<FloatV>(triangles, directions_to<FloatV>(light(), triangles), receiver);
             const auto possible = !slopes_too_large<FloatV>(triangles, image, light_widening(triangles, receiver));
             const uint32_t any = lane_bits(possible) & wanted;
             if (any == 0) continue;
@@ -200,8 +239,8 @@ class GroupSearch {
                 continue;
             }
             const size_t triangle = size_t{cut.items[0].index} * block_size + first;
-            const auto minimum = image.grazing || may_fold<FloatV>(image, image.area) ||
-                                 folds_at_edges(triangle, image, receiver, source);
+            const auto minimum =
+                image.grazing || may_fold<FloatV>(image, image.area) || folds_at_edges(triangle, image, receiver);
             candidates.any |= (any & lane_bits(minimum || image.distance <= image.error)) << first;
             candidates.relaxed |= (any & lane_bits(minimum)) << first;
         }
@@ -211,7 +250,7 @@ class GroupSearch {
     /// Where a border, or a triangle of opposite orientation in slope space, is across the edge towards which slopes
     /// fall. Elsewhere they go on falling behind that edge.
     FloatV::mask_type folds_at_edges(size_t first_triangle, const SlopeImage<FloatV>& image,
-                                     const Triple<FloatV>& receiver, const PointLight<FloatV>& source) const {
+                                     const Triple<FloatV>& receiver) const {
         static_assert(sizeof(TriangleBlock) % sizeof(float) == 0);
         const auto* values = reinterpret_cast<const float*>(reflectors_.blocks.data());
         const uint32_t* twins = reflectors_.twins.data()->data() + 3 * first_triangle;
@@ -234,7 +273,9 @@ class GroupSearch {
                                       gather(values, at + (offset + 2 * static_cast<uint32_t>(block_size)), has_twin)};
             };
             const Triple<FloatV> position = load_triple(0), normal = load_triple(3 * corner_floats);
-            const SlopePoint<FloatV> apex = slope_at<FloatV>(position, normal, image.frame, receiver, source).slope;
+            const SlopePoint<FloatV> apex =
+                slope_at<FloatV>(position, normal, image.frame, receiver, direction_to<FloatV>(light(), position))
+                    .slope;
             const auto is_lowest = image.edge_distances[edge] <= image.distance + image.error;
             folds |= is_lowest && (!has_twin || may_fold<FloatV>(image, area_across<FloatV>(image, edge, apex)));
         }
@@ -244,8 +285,7 @@ class GroupSearch {
     /// What a sphere light adds to slopes that count, from above; zero for other lights.
     FloatV light_widening(const TriangleLanes<FloatV>& t, const Triple<FloatV>& receiver) const {
         if (!(light().radius > 0.0F)) return FloatV(0.0F);
-        const Triple<FloatV> centroid = (t.positions[0] + t.positions[1] + t.positions[2]) * FloatV(1.0F / 3.0F);
-        const PointBound<FloatV> point{centroid, FloatV(0.0F)};
+        const PointBound<FloatV> point{centroid_of(t), FloatV(0.0F)};
         const Leg<FloatV> to_light = make_leg<FloatV>(point, light());
         const Leg<FloatV> to_viewer = make_leg<FloatV>(point, PointBound<FloatV>{receiver, FloatV(0.0F)});
         const Triple<FloatV> h = to_light.direction + to_viewer.direction;
@@ -269,7 +309,9 @@ class GroupSearch {
             descend_receivers(cut, possible_receivers(cut, legs));
         } else {
             const auto i = static_cast<size_t>(split) - 1;
-            const uint32_t bits = possible_reflectors(cut, legs, i);
+            uint32_t bits = possible_reflectors(cut, legs, i);
+            if (cut.items[i].level == 1 && i + 1 == cut.length) bits &= lit_[cut.items[i].index];
+            if (cut.items[i].level == 1) bits = without_skimming(cut, legs, i, bits);
             if (cut.length == 1 && cut.items[0].level == 1) {
                 solve_block(cut, bits);
             } else {
@@ -324,9 +366,6 @@ class GroupSearch {
     void solve_chain(const PathCut& cut) {
         PerVertex<uint32_t> triangles{};
         for (size_t i = 0; i < cut.length; ++i) triangles[i] = cut.items[i].index;
-        for (size_t i = 1; i < cut.length; ++i) {
-            if (triangles[i] == triangles[i - 1]) return;  // Flat: light cannot go from a triangle to itself.
-        }
         ++statistics.leaf_cuts;
         solve(cut, triangles, options_.solver);
     }
@@ -340,25 +379,8 @@ class GroupSearch {
         statistics.continued += solution.continued ? 1 : 0;
         if (!solution.accepted) return;
         ++(solution.path.status == SolveStatus::exact ? statistics.exact : statistics.relaxed);
-        keep(cut, triangles, solution.path);
-    }
-
-    void keep(const PathCut& cut, const PerVertex<uint32_t>& triangles, const SpecularPath& path) {
-        FoundPath result;
-        result.receiver = cut.receiver.index;
-        result.path.residual = static_cast<float>(path.residual);
-        result.path.light = static_cast<uint16_t>(light_);
-        result.path.length = static_cast<uint8_t>(cut.length);
-        result.path.exact = path.status == SolveStatus::exact;
-        result.path.mirrored = determinant(path.jacobian, static_cast<int>(cut.length)) < 0.0;
-        for (size_t i = 0; i < cut.length; ++i) {
-            const PathVertex& vertex = path.vertices[i];
-            result.vertices[i] = {triangles[i], static_cast<float>(vertex.barycentrics.x),
-                                  static_cast<float>(vertex.barycentrics.y)};
-            result.positions[i] = Vec3(vertex.position);
-            result.edges[i] = static_cast<float>(reflectors_.patch(triangles[i]).size);
-        }
-        found.push_back(result);
+        found.push_back(make_found_path(reflectors_, std::span(triangles).first(cut.length), solution.path));
+        found.back().receiver = cut.receiver.index;
     }
 
     void remove_occluded() {
@@ -371,8 +393,9 @@ class GroupSearch {
                 points[i] =
                     surface_point(evaluate(patch, barycentrics).position, Vec3(patch.geometric_normal), patch.size);
             }
-            path.path.occluded = !options_.is_visible(
-                receivers_.order[path.receiver], std::span(points).first(path.path.length), lights_[path.path.light]);
+            const SpecularPathView view{options_.receiver_points[receivers_.order[path.receiver]],
+                                        std::span(points).first(path.path.length), light_.end(), double{light_.radius}};
+            path.path.occluded = !is_visible(*options_.accelerator, view);
             statistics.occluded += path.path.occluded ? 1 : 0;
             if (!path.path.occluded || options_.keep_occluded) found[kept++] = path;
         }
@@ -389,9 +412,10 @@ class GroupSearch {
 
     const ReflectorTree& reflectors_;
     const ReceiverTree& receivers_;
-    std::span<const PathLight> lights_;
+    const PathLight& light_;
+    const LitTriangles& lit_;
+    const BeamSets& beams_;
     const SearchOptions& options_;
-    size_t light_ = 0;
     uint64_t nodes_left_ = 0;
     std::vector<uint32_t> cut_short_;
 };
@@ -421,7 +445,8 @@ GroupResult pack(const std::vector<FoundPath>& found, const SearchStatistics& st
     return result;
 }
 
-/// Puts the groups' paths into the order in which the receivers were given. Frees each group as it goes.
+/// Puts the groups' paths, of each light after the other, into the order in which the receivers were given. Frees each
+/// group as it goes.
 void collect(std::vector<GroupResult>& groups, const ReceiverTree& receivers, RepresentativePaths& result) {
     size_t vertices = 0;
     for (const GroupResult& group : groups) {
@@ -430,16 +455,15 @@ void collect(std::vector<GroupResult>& groups, const ReceiverTree& receivers, Re
         for (const uint32_t receiver : group.receivers) ++result.first_path[receivers.order[receiver] + 1];
     }
     for (size_t i = 1; i < result.first_path.size(); ++i) result.first_path[i] += result.first_path[i - 1];
+    std::vector<uint32_t> next(result.first_path.begin(), result.first_path.end() - 1);
     result.paths.resize(result.first_path.back());
     result.vertices.reserve(vertices);
     for (GroupResult& group : groups) {
         const auto first = static_cast<uint32_t>(result.vertices.size());
         result.vertices.insert(result.vertices.end(), group.vertices.begin(), group.vertices.end());
-        for (size_t i = 0, nth = 0; i < group.paths.size(); ++i, ++nth) {
-            if (i > 0 && group.receivers[i] != group.receivers[i - 1]) nth = 0;
-            RepresentativePath path = group.paths[i];
-            path.first_vertex += first;
-            result.paths[result.first_path[receivers.order[group.receivers[i]]] + nth] = path;
+        for (size_t i = 0; i < group.paths.size(); ++i) {
+            group.paths[i].first_vertex += first;
+            result.paths[next[receivers.order[group.receivers[i]]]++] = group.paths[i];
         }
         group = {};
     }
@@ -462,14 +486,23 @@ RepresentativePaths find_representative_paths(const ReflectorTree& reflectors, c
     if (receivers.tree.size == 0 || reflectors.size() == 0) return result;
     const uint32_t level = group_level(receivers);
     const size_t groups = receivers.tree.items_at(level);
-    std::vector<GroupResult> results(groups);
-    tbb::parallel_for(size_t{0}, groups, [&](size_t g) {
-        GroupSearch search(reflectors, receivers, lights, options);
-        const size_t run = size_t{1} << (4 * level);
-        const PointBound<float> bound = extract(receivers.tree.levels[level][g / block_size], g % block_size);
-        search.run({level, static_cast<uint32_t>(g)}, bound, std::min(run, receivers.tree.size - g * run));
-        results[g] = pack(search.found, search.statistics);
-    });
+    std::vector<GroupResult> results(groups * lights.size());
+    for (size_t l = 0; l < lights.size(); ++l) {
+        const LitTriangles lit = find_lit_triangles(reflectors, lights[l], options.accelerator);
+        BeamSets beams;
+        if (options.bounces > 1 && options.selection == Selection::local_minima && options.solver.newton) {
+            beams = trace_beams(reflectors, lights[l], lit, options.bounces, options.max_beams);
+        }
+        result.beam_bytes = std::max(result.beam_bytes, beams.bytes());
+        result.statistics.nodes_visited += beams.nodes_visited;
+        result.statistics.dropped_beams += beams.dropped;
+        tbb::parallel_for(size_t{0}, groups, [&](size_t g) {
+            GroupSearch search(reflectors, receivers, lights[l], lit, beams, options);
+            search.run({level, static_cast<uint32_t>(g)});
+            for (FoundPath& path : search.found) path.path.light = static_cast<uint16_t>(l);
+            results[l * groups + g] = pack(search.found, search.statistics);
+        });
+    }
     collect(results, receivers, result);
     return result;
 }

@@ -7,7 +7,6 @@
 // bounded by the result.
 #pragma once
 
-#include <functional>
 #include <span>
 
 #include "pathcut/receiver_tree.h"
@@ -27,8 +26,13 @@ struct SearchOptions {
     /// Path cuts that may be visited for each receiver, on average over a group of them; zero: no limit. What is left
     /// out is reported.
     uint64_t max_nodes_per_receiver = 0;
-    /// If set, each path found is tested with it: receiver (as given), vertices and light -> nothing is in the way.
-    std::function<bool(uint32_t receiver, std::span<const SurfacePoint> vertices, const PathLight& light)> is_visible;
+    /// Chains of triangles of one length and light that are kept for paths of two and more reflections (about 200 bytes
+    /// each while they are made); more are dropped, and reported.
+    size_t max_beams = 4'000'000;
+    /// If set, paths are tested for what is in their way, from the receivers as `receiver_points` describes them (in
+    /// the order in which they were given), and triangles that are dark at their corners and centroid are left out.
+    const Accelerator* accelerator = nullptr;
+    std::span<const SurfacePoint> receiver_points;
     bool keep_occluded = false;  ///< Otherwise occluded paths are left out.
 };
 

@@ -62,6 +62,23 @@ void mark_duplicates(std::span<const FoundPath> group, double distance, std::spa
 
 }  // namespace
 
+FoundPath make_found_path(const ReflectorTree& reflectors, std::span<const uint32_t> triangles,
+                          const SpecularPath& path) {
+    FoundPath result;
+    result.path.residual = static_cast<float>(path.residual);
+    result.path.length = static_cast<uint8_t>(triangles.size());
+    result.path.exact = path.status == SolveStatus::exact;
+    result.path.mirrored = determinant(path.jacobian, static_cast<int>(triangles.size())) < 0.0;
+    for (size_t i = 0; i < triangles.size(); ++i) {
+        const PathVertex& vertex = path.vertices[i];
+        result.vertices[i] = {triangles[i], static_cast<float>(vertex.barycentrics.x),
+                              static_cast<float>(vertex.barycentrics.y)};
+        result.positions[i] = Vec3(vertex.position);
+        result.edges[i] = static_cast<float>(reflectors.patch(triangles[i]).size);
+    }
+    return result;
+}
+
 bool comes_before(const FoundPath& a, const FoundPath& b) {
     const auto key = [](const FoundPath& f) { return std::tuple(f.receiver, f.path.light, f.path.length); };
     if (key(a) != key(b)) return key(a) < key(b);

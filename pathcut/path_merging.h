@@ -1,6 +1,7 @@
 // Paths that a search has found, before they are handed on: the same path found twice becomes one.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "pathcut/representative_path.h"
@@ -15,6 +16,10 @@ struct FoundPath {
     PerVertex<Vec3> positions;  ///< World space, metres.
     PerVertex<float> edges;     ///< Longest edges of the triangles, metres.
 };
+
+/// From a solution; receiver and light are left to the caller.
+FoundPath make_found_path(const ReflectorTree& reflectors, std::span<const uint32_t> triangles,
+                          const SpecularPath& path);
 
 /// By receiver, light, length and triangles: the order in which results are handed on.
 bool comes_before(const FoundPath& a, const FoundPath& b);

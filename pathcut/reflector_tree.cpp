@@ -136,10 +136,13 @@ ReflectorTree build_reflector_tree(const std::vector<ReflectorTriangle>& given, 
         return bound_mirror(std::span<const Vec3>(positions).subspan(first, count),
                             std::span<const Vec3>(normals).subspan(first, count), std::atan(double{steepest}));
     });
-    float smallest = infinity;
-    for (size_t i = 0; i < triangles.size(); ++i)
-        smallest = std::min(smallest, result.max_slope(static_cast<uint32_t>(i)));
+    float smallest = infinity, largest = 0.0F;
+    for (uint32_t i = 0; i < triangles.size(); ++i) {
+        smallest = std::min(smallest, result.max_slope(i));
+        largest = std::max(largest, result.max_slope(i));
+    }
     result.smallest_spread = static_cast<float>(std::sin(std::atan(double{smallest})));
+    result.widest_deviation = static_cast<float>(2.0 * std::sin(std::atan(double{largest})));
     result.twins = find_neighbours(triangles);
     return result;
 }

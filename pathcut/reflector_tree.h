@@ -27,6 +27,7 @@ inline constexpr uint32_t triangle_of(HalfEdge h) {
 inline constexpr uint32_t edge_of(HalfEdge h) {
     return h & 3;
 }
+inline constexpr uint32_t no_triangle = std::numeric_limits<uint32_t>::max();
 /// The same edges seen from the triangles across, or no_half_edge at borders, creases and edges of three triangles.
 using Twins = std::array<HalfEdge, 3>;
 
@@ -70,10 +71,22 @@ struct ReflectorTree {
     std::vector<TriangleId> ids;  ///< In the tree's order.
     std::vector<Twins> twins;     ///< Of each triangle, across which the surface goes on smoothly.
 
-    float smallest_spread = 0.0F;  ///< Sine of the smallest acceptance angle: no node's spread is smaller.
+    float widest_deviation = 0.0F;  ///< Of reflected directions within the largest acceptance angle: a chord.
+    float smallest_spread = 0.0F;   ///< Sine of the smallest acceptance angle: no node's spread is smaller.
 
     size_t size() const { return ids.size(); }
     SurfacePatch patch(uint32_t triangle) const;
+    Vec3 position(uint32_t triangle, size_t corner) const {
+        const auto& p = blocks[triangle / block_size].positions[corner];
+        return {p[0][triangle % block_size], p[1][triangle % block_size], p[2][triangle % block_size]};
+    }
+    Vec3 normal(uint32_t triangle, size_t corner) const {
+        const auto& n = blocks[triangle / block_size].normals[corner];
+        return {n[0][triangle % block_size], n[1][triangle % block_size], n[2][triangle % block_size]};
+    }
+    MirrorBound<float> bound(uint32_t triangle) const {
+        return extract(tree.levels[0][triangle / block_size], triangle % block_size);
+    }
     float alpha(uint32_t triangle) const { return blocks[triangle / block_size].alpha[triangle % block_size]; }
     float max_slope(uint32_t triangle) const { return blocks[triangle / block_size].max_slope[triangle % block_size]; }
     size_t bytes() const;

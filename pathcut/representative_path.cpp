@@ -13,6 +13,7 @@ SearchStatistics& SearchStatistics::operator+=(const SearchStatistics& other) {
     merged += other.merged;
     occluded += other.occluded;
     dropped_cuts += other.dropped_cuts;
+    dropped_beams += other.dropped_beams;
     cut_short += other.cut_short;
     return *this;
 }

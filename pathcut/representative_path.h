@@ -39,6 +39,7 @@ struct SearchStatistics {
     uint64_t merged = 0;         ///< Paths dropped for a better one close by.
     uint64_t occluded = 0;       ///< Paths dropped because something is in the way.
     uint64_t dropped_cuts = 0;   ///< Path cuts left unvisited when the budget was used up.
+    uint64_t dropped_beams = 0;  ///< Beams left out; see SearchOptions::max_beams.
     uint64_t cut_short = 0;      ///< Receivers that such cuts belong to.
 
     SearchStatistics& operator+=(const SearchStatistics& other);
@@ -50,6 +51,7 @@ struct RepresentativePaths {
     std::vector<RepresentativePath> paths;
     std::vector<ReflectorVertex> vertices;
     SearchStatistics statistics;
+    size_t beam_bytes = 0;  ///< Most memory that beams took.
 
     std::span<const RepresentativePath> of_receiver(size_t i) const {
         return std::span(paths).subspan(first_path[i], first_path[i + 1] - first_path[i]);

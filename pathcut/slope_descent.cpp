@@ -13,7 +13,6 @@ constexpr double first_damping = 1e-4;  // Relative to the mean diagonal; below 
 constexpr double last_damping = 1e8;
 constexpr double longest_step = 2.0;     // In sizes of a patch: interpolated normals mean little further out.
 constexpr double shortest_step = 1e-13;  // In sizes of a patch.
-constexpr double furthest = 16.0;        // Barycentric distance from the triangle that ends a search on the planes.
 constexpr double border = 1e-12;         // Barycentric coordinates below it are on the border.
 
 using Vector = std::array<double, max_unknowns>;
@@ -198,9 +197,9 @@ double take_step(const SpecularChain& chain, const FreeDirections& free, Vector 
     return longest * scale;
 }
 
-bool is_far_out(const SpecularChain& chain, const ChainPosition& position) {
+bool is_far_out(const SpecularChain& chain, const ChainPosition& position, double furthest) {
     return std::any_of(position.begin(), position.begin() + chain.length,
-                       [](const Vec2d& b) { return !(glm::length(b - triangle_centre) < furthest); });
+                       [=](const Vec2d& b) { return !(glm::length(b - triangle_centre) < furthest); });
 }
 
 }  // namespace
@@ -220,11 +219,13 @@ ChainState make_state(const SpecularChain& chain, const ChainPosition& position,
     return state;
 }
 
-void descend(const SpecularChain& chain, ChainState& state, Region region, int max_iterations, SolverWork& work) {
+void descend(const SpecularChain& chain, ChainState& state, Region region, int max_iterations, SolverWork& work,
+             double furthest) {
     constexpr double finished_slope = 1e-3 * exact_slope;
     double damping = 0.0;
     for (int iteration = 0; iteration < max_iterations; ++iteration) {
-        if (largest_slope(chain, state.evaluation) <= finished_slope || is_far_out(chain, state.position)) return;
+        if (largest_slope(chain, state.evaluation) <= finished_slope || is_far_out(chain, state.position, furthest))
+            return;
         const LinearModel model = make_model(chain, state.evaluation);
         const FreeDirections free = find_free_directions(chain, state.position, model, region);
         const NormalEquations equations = make_normal_equations(chain, model, free);

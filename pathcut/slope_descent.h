@@ -40,6 +40,10 @@ ChainState make_state(const SpecularChain& chain, const ChainPosition& position,
 /// Levenberg-Marquardt with a projected active set: a vertex at the border of its triangle slides along it while the
 /// gradient pushes outwards. No damping as long as full steps succeed, hence quadratic convergence near solutions;
 /// singular Jacobians (caustic folds) raise the damping.
-void descend(const SpecularChain& chain, ChainState& state, Region region, int max_iterations, SolverWork& work);
+///
+/// On the planes, the search ends where a vertex is further than `furthest` from its triangle's centre, in barycentric
+/// units: interpolated normals mean little that far out.
+void descend(const SpecularChain& chain, ChainState& state, Region region, int max_iterations, SolverWork& work,
+             double furthest = 16.0);
 
 }  // namespace nephroid

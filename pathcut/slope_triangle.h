@@ -49,11 +49,32 @@ F cross(const SlopePoint<F>& a, const SlopePoint<F>& b) {
     return a.x * b.y - a.y * b.x;
 }
 
+/// Unit directions towards the light, or towards the previous reflector, from points of a triangle.
 template <class F>
-struct PointLight {
-    Triple<F> point;
-    bool at_infinity;
+struct IncomingDirections {
+    std::array<Triple<F>, 3> at_corner;
+    Triple<F> at_centroid;
 };
+
+template <class F>
+Triple<F> centroid_of(const TriangleLanes<F>& t) {
+    return (t.positions[0] + t.positions[1] + t.positions[2]) * F(1.0F / 3.0F);
+}
+
+template <class F>
+Triple<F> direction_to(const PathLight& light, const Triple<F>& position) {
+    const Triple<F> point{F(light.point.x), F(light.point.y), F(light.point.z)};
+    if (light.at_infinity) return point;
+    const Triple<F> to_light = point - position;
+    return to_light * reciprocal_square_root(dot(to_light, to_light));
+}
+
+template <class F>
+IncomingDirections<F> directions_to(const PathLight& light, const TriangleLanes<F>& t) {
+    return {
+        {direction_to(light, t.positions[0]), direction_to(light, t.positions[1]), direction_to(light, t.positions[2])},
+        direction_to(light, centroid_of(t))};
+}
 
 /// What slopes are made of at a point.
 template <class F>
@@ -64,11 +85,9 @@ struct SlopeSample {
 
 template <class F>
 SlopeSample<F> slope_at(const Triple<F>& position, const Triple<F>& n, const Frame<F>& frame, const Triple<F>& receiver,
-                        const PointLight<F>& light) {
+                        const Triple<F>& wi) {
     const Triple<F> to_viewer = receiver - position;
-    const Triple<F> to_light = light.at_infinity ? light.point : light.point - position;
     const Triple<F> wo = to_viewer * reciprocal_square_root(dot(to_viewer, to_viewer));
-    const Triple<F> wi = to_light * reciprocal_square_root(dot(to_light, to_light));
     const Triple<F> h = wo + wi;
     const Triple<F> m = h * (F(1.0F) / dot(h, n)) - n;
     return {{dot(m, frame.s), dot(m, frame.t)}, minimum(absolute(dot(wo, n)), absolute(dot(wi, n)))};
@@ -92,17 +111,18 @@ struct SlopeImage {
     std::array<F, 3> edge_distances;  ///< The same of the edges 0-1, 1-2, 2-0.
     F error;                          ///< Bound of what linearity neglects, at least what rounding does.
     F area;                           ///< Twice the signed area: its sign is the Jacobian determinant's.
+    F weight1, weight2;               ///< Barycentric coordinates of the origin: where slopes vanish.
     MaskOf<F> grazing;  ///< The triangle or one next to it may have its back to the light or the receiver.
 };
 
 template <class F>
-SlopeImage<F> slope_image(const TriangleLanes<F>& t, const Triple<F>& receiver, const PointLight<F>& light) {
+SlopeImage<F> slope_image(const TriangleLanes<F>& t, const IncomingDirections<F>& wi, const Triple<F>& receiver) {
     const Triple<F> mean_normal = normalized(t.normals[0] + t.normals[1] + t.normals[2]);
     SlopeImage<F> image;
     const Frame<F>& frame = image.frame = make_frame(mean_normal);
     F lowest(1.0F), turn2(0.0F);
     for (size_t i = 0; i < 3; ++i) {
-        const SlopeSample<F> sample = slope_at(t.positions[i], t.normals[i], frame, receiver, light);
+        const SlopeSample<F> sample = slope_at(t.positions[i], t.normals[i], frame, receiver, wi.at_corner[i]);
         image.corners[i] = sample.slope;
         lowest = minimum(lowest, sample.lowest);
         const Triple<F> turned = t.normals[i] - mean_normal;
@@ -110,9 +130,8 @@ SlopeImage<F> slope_image(const TriangleLanes<F>& t, const Triple<F>& receiver, 
     }
     image.grazing = lowest < F(0.01F) + F(3.0F) * square_root(turn2);
     const auto& c = image.corners;
-    const Triple<F> centroid = (t.positions[0] + t.positions[1] + t.positions[2]) * F(1.0F / 3.0F);
     const SlopePoint<F> mean = (c[0] + c[1] + c[2]) * F(1.0F / 3.0F);
-    const SlopePoint<F> bend = slope_at(centroid, mean_normal, frame, receiver, light).slope - mean;
+    const SlopePoint<F> bend = slope_at(centroid_of(t), mean_normal, frame, receiver, wi.at_centroid).slope - mean;
     const F extent2 =
         maximum(squared_length(c[0] - mean), maximum(squared_length(c[1] - mean), squared_length(c[2] - mean)));
     image.error = F(2.0F) * square_root(squared_length(bend)) + F(0.02F) * square_root(extent2) + F(1e-6F);
@@ -125,6 +144,8 @@ SlopeImage<F> slope_image(const TriangleLanes<F>& t, const Triple<F>& receiver, 
     const F outside = minimum(image.edge_distances[0], minimum(image.edge_distances[1], image.edge_distances[2]));
     image.distance = select(inside, zero, outside);
     image.area = s0 + s1 + s2;
+    image.weight1 = s2 / image.area;
+    image.weight2 = s0 / image.area;
     return image;
 }
 
@@ -134,14 +155,18 @@ MaskOf<F> slopes_too_large(const TriangleLanes<F>& t, const SlopeImage<F>& image
     return image.distance > t.max_slope + widening + image.error;
 }
 
+template <class F>
+F longest_edge(const SlopeImage<F>& image) {
+    const auto& c = image.corners;
+    return square_root(
+        maximum(squared_length(c[1] - c[0]), maximum(squared_length(c[2] - c[1]), squared_length(c[0] - c[2]))));
+}
+
 /// Whether a triangle of that signed area in slope space may have the other orientation, for all that linearity
 /// neglects: the surface folds here, and slopes may be smallest without vanishing.
 template <class F>
 MaskOf<F> may_fold(const SlopeImage<F>& image, const F& area) {
-    const auto& c = image.corners;
-    const F longest = square_root(
-        maximum(squared_length(c[1] - c[0]), maximum(squared_length(c[2] - c[1]), squared_length(c[0] - c[2]))));
-    const F least = longest * image.error;
+    const F least = longest_edge(image) * image.error;
     return !((area > least && image.area > least) || (area < -least && image.area < -least));
 }
 

@@ -78,51 +78,62 @@ bool falls_from_corner(const Crossing& crossing, uint32_t corner) {
     return next.x * down.y - next.y * down.x > level && down.x * last.y - down.y * last.x > level;
 }
 
-/// Vertex i of the path lies on corner `corner` of its triangle: whether slopes fall into another one around it.
-bool continues_around_corner(const ReflectorTree& reflectors, const SpecularChain& chain, const ChainPosition& position,
-                             size_t i, uint32_t triangle, uint32_t corner) {
+/// Vertex i of the path lies on corner `corner` of its triangle: another triangle around it into which slopes fall, or
+/// no_triangle.
+uint32_t next_around_corner(const ReflectorTree& reflectors, const SpecularChain& chain, const ChainPosition& position,
+                            size_t i, uint32_t triangle, uint32_t corner) {
     // Around to the left over the edge that ends at the corner; then, if a border stopped that, around to the right.
     HalfEdge h = reflectors.twins[triangle][(corner + 2) % 3];
     while (h != no_half_edge && triangle_of(h) != triangle) {
-        const uint32_t at = edge_of(h);  // The twin starts at the corner.
-        if (falls_from_corner(cross_over(reflectors, chain, position, i, triangle_of(h)), at)) return true;
-        h = reflectors.twins[triangle_of(h)][(at + 2) % 3];
+        const uint32_t next = triangle_of(h), at = edge_of(h);  // The twin starts at the corner.
+        if (falls_from_corner(cross_over(reflectors, chain, position, i, next), at)) return next;
+        h = reflectors.twins[next][(at + 2) % 3];
     }
-    if (h != no_half_edge) return false;
+    if (h != no_half_edge) return no_triangle;
     h = reflectors.twins[triangle][corner];
     while (h != no_half_edge && triangle_of(h) != triangle) {
-        const uint32_t at = (edge_of(h) + 1) % 3;  // The twin ends at the corner.
-        if (falls_from_corner(cross_over(reflectors, chain, position, i, triangle_of(h)), at)) return true;
-        h = reflectors.twins[triangle_of(h)][at];
+        const uint32_t next = triangle_of(h), at = (edge_of(h) + 1) % 3;  // The twin ends at the corner.
+        if (falls_from_corner(cross_over(reflectors, chain, position, i, next), at)) return next;
+        h = reflectors.twins[next][at];
     }
-    return false;
+    return no_triangle;
 }
 
-bool continues_from_vertex(const ReflectorTree& reflectors, const SpecularChain& chain, const ChainPosition& position,
-                           size_t i, uint32_t triangle) {
+uint32_t next_triangle(const ReflectorTree& reflectors, const SpecularChain& chain, const ChainPosition& position,
+                       size_t i, uint32_t triangle) {
     const Vec2d& b = position[i];
     const std::array<double, 3> weight{1.0 - b.x - b.y, b.x, b.y};
     for (uint32_t corner = 0; corner < 3; ++corner) {
         if (weight[corner] >= 1.0 - on_edge) {
-            return continues_around_corner(reflectors, chain, position, i, triangle, corner);
+            return next_around_corner(reflectors, chain, position, i, triangle, corner);
         }
     }
     for (uint32_t edge = 0; edge < 3; ++edge) {
         const HalfEdge twin = reflectors.twins[triangle][edge];
         if (weight[(edge + 2) % 3] > on_edge || twin == no_half_edge) continue;
-        if (falls_from_edge(cross_over(reflectors, chain, position, i, triangle_of(twin)), edge_of(twin))) return true;
+        const Crossing crossing = cross_over(reflectors, chain, position, i, triangle_of(twin));
+        if (falls_from_edge(crossing, edge_of(twin))) return triangle_of(twin);
     }
-    return false;
+    return no_triangle;
 }
 
-bool continues_elsewhere(const ReflectorTree& reflectors, std::span<const uint32_t> triangles,
-                         const SpecularChain& chain, const SpecularPath& path) {
+/// Looks for a triangle in which the path's slopes fall further.
+void find_continuation(const ReflectorTree& reflectors, std::span<const uint32_t> triangles, const SpecularChain& chain,
+                       TupleSolution& solution) {
     ChainPosition position{};
-    for (size_t i = 0; i < triangles.size(); ++i) position[i] = path.vertices[i].barycentrics;
+    for (size_t i = 0; i < triangles.size(); ++i) position[i] = solution.path.vertices[i].barycentrics;
     for (size_t i = 0; i < triangles.size(); ++i) {
-        if (continues_from_vertex(reflectors, chain, position, i, triangles[i])) return true;
+        const uint32_t next = next_triangle(reflectors, chain, position, i, triangles[i]);
+        // Not into the triangle of a neighbouring vertex: light cannot go from a triangle to itself.
+        if (next == no_triangle || (i > 0 && next == triangles[i - 1]) ||
+            (i + 1 < triangles.size() && next == triangles[i + 1])) {
+            continue;
+        }
+        solution.continued = true;
+        solution.next_vertex = i;
+        solution.next_triangle = next;
+        return;
     }
-    return false;
 }
 
 }  // namespace
@@ -156,10 +167,23 @@ TupleSolution solve_tuple(const ReflectorTree& reflectors, std::span<const uint3
     solution.path = solve_specular_path(tuple.chain, options);
     const SolveStatus status = solution.path.status;
     if (status != SolveStatus::exact && status != SolveStatus::relaxed) return solution;
-    if (!light.shines_on(solution.path.vertices[triangles.size() - 1].position)) return solution;
-    solution.continued = status == SolveStatus::relaxed && options.newton && selection == Selection::local_minima &&
-                         continues_elsewhere(reflectors, triangles, tuple.chain, solution.path);
-    solution.accepted = !solution.continued;
+    if (status == SolveStatus::relaxed && options.newton && selection == Selection::local_minima) {
+        find_continuation(reflectors, triangles, tuple.chain, solution);
+    }
+    solution.accepted = !solution.continued && light.shines_on(solution.path.vertices[triangles.size() - 1].position);
+    return solution;
+}
+
+TupleSolution walk_to_minimum(const ReflectorTree& reflectors, std::span<uint32_t> triangles, const Vec3& receiver,
+                              const PathLight& light, const SolverOptions& options, int max_steps, SolverWork& work) {
+    TupleSolution solution;
+    for (int step = 0; step <= max_steps; ++step) {
+        solution = solve_tuple(reflectors, triangles, receiver, light, Selection::local_minima, options);
+        work.iterations += solution.path.work.iterations;
+        work.evaluations += solution.path.work.evaluations;
+        if (!solution.continued) return solution;
+        triangles[solution.next_vertex] = solution.next_triangle;
+    }
     return solution;
 }
 

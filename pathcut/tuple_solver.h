@@ -15,7 +15,9 @@ enum class Selection : uint8_t {
 struct TupleSolution {
     SpecularPath path;
     bool accepted = false;
-    bool continued = false;  ///< Not accepted, because slopes fall further in a neighbouring triangle.
+    bool continued = false;      ///< Not accepted, because slopes fall further in a neighbouring triangle:
+    size_t next_vertex = 0;      ///< that of this vertex,
+    uint32_t next_triangle = 0;  ///< and this is it.
 };
 
 /// The chain that the solver sees. Small sphere lights are points at their centre; acceptance is widened by the half of
@@ -30,5 +32,10 @@ void make_tuple_chain(const ReflectorTree& reflectors, std::span<const uint32_t>
 /// `triangles` from the receiver's side to the light's; at most max_chain_length.
 TupleSolution solve_tuple(const ReflectorTree& reflectors, std::span<const uint32_t> triangles, const Vec3& receiver,
                           const PathLight& light, Selection selection, const SolverOptions& options = {});
+
+/// Follows slopes that fall on into neighbouring triangles, in at most `max_steps` steps, and changes `triangles`
+/// accordingly: for starts that are only known to be near a solution. `work` grows by all solves.
+TupleSolution walk_to_minimum(const ReflectorTree& reflectors, std::span<uint32_t> triangles, const Vec3& receiver,
+                              const PathLight& light, const SolverOptions& options, int max_steps, SolverWork& work);
 
 }  // namespace nephroid

@@ -29,6 +29,7 @@ struct Case {
     std::function<void(std::vector<ReflectorTriangle>&, int count, float alpha)> reflectors;
     Vec3 light;
     Vec3 receivers_low, receivers_high;  ///< A box (or a rectangle) in which the receivers lie.
+    Vec3 receiver_normal;
     int bounces;
 };
 
@@ -42,6 +43,7 @@ std::vector<Case> cases() {
          {0.3F, 2.0F, 0.4F},
          {-1.0F, 1.0F, -1.0F},
          {1.0F, 1.0F, 1.0F},
+         {0.0F, -1.0F, 0.0F},
          1},
         {"sphere",
          [](auto& t, int count, float alpha) {
@@ -50,6 +52,7 @@ std::vector<Case> cases() {
          {2.0F, 2.0F, 0.0F},
          {-2.0F, 0.0F, -2.0F},
          {2.0F, 0.0F, 2.0F},
+         {0.0F, 1.0F, 0.0F},
          1},
         {"ring",
          [=](auto& t, int count, float alpha) {
@@ -58,6 +61,7 @@ std::vector<Case> cases() {
          {3.0F, 0.0F, 2.0F},
          {-0.9F, -0.9F, 0.0F},
          {0.9F, 0.9F, 0.0F},
+         {0.0F, 0.0F, 1.0F},
          1},
         {"two_cylinders",
          [=](auto& t, int count, float alpha) {
@@ -69,6 +73,7 @@ std::vector<Case> cases() {
          {0.2F, 3.0F, 0.3F},
          {-2.0F, 0.0F, -2.0F},
          {2.0F, 0.0F, 2.0F},
+         {0.0F, 1.0F, 0.0F},
          2},
         {"bowl",
          [=](auto& t, int count, float alpha) {
@@ -77,6 +82,7 @@ std::vector<Case> cases() {
          {0.6F, 1.5F, 0.0F},
          {-0.3F, 0.15F, -0.3F},
          {0.3F, 0.15F, 0.3F},
+         {0.0F, 1.0F, 0.0F},
          2},
         {"open_cylinder",
          [=](auto& t, int count, float alpha) {
@@ -85,6 +91,7 @@ std::vector<Case> cases() {
          {0.5F, 0.0F, 1.0F},
          {-0.9F, -0.9F, 0.0F},
          {0.9F, 0.9F, 0.0F},
+         {0.0F, 0.0F, 1.0F},
          2},
     };
 }
@@ -100,13 +107,37 @@ std::vector<Vec3> random_receivers(const Case& c, size_t count) {
     return points;
 }
 
-nlohmann::json run(const Case& c, int triangles, float alpha, size_t receiver_count, const SearchOptions& options,
-                   const AcceptanceOptions& acceptance, int repeat) {
+/// The reflectors as a scene, so that rays can be traced.
+Scene scene_of(const std::vector<ReflectorTriangle>& triangles) {
+    Scene scene;
+    Mesh mesh;
+    for (const ReflectorTriangle& t : triangles) {
+        const auto first = static_cast<uint32_t>(mesh.positions.size());
+        mesh.triangles.push_back({first, first + 1, first + 2});
+        mesh.positions.insert(mesh.positions.end(), t.positions.begin(), t.positions.end());
+    }
+    mesh.positions.reserve(mesh.positions.size() + 1);
+    scene.materials.emplace_back();
+    scene.meshes.push_back(std::move(mesh));
+    scene.objects.emplace_back();
+    return scene;
+}
+
+nlohmann::json run(const Case& c, int triangles, float alpha, size_t receiver_count, SearchOptions options,
+                   const AcceptanceOptions& acceptance, bool visibility, int repeat) {
     std::vector<ReflectorTriangle> reflectors;
     c.reflectors(reflectors, triangles, alpha);
     const std::vector<Vec3> receivers = random_receivers(c, receiver_count);
     PathLight light;
     light.point = c.light;
+    const Scene scene = scene_of(reflectors);
+    const Accelerator accelerator(scene, 2);
+    std::vector<SurfacePoint> receiver_points;
+    for (const Vec3& p : receivers) receiver_points.push_back(surface_point(Vec3d(p), c.receiver_normal, 1.0));
+    if (visibility) {
+        options.accelerator = &accelerator;
+        options.receiver_points = receiver_points;
+    }
     nlohmann::json result;
     double best_build = 1e30, best_search = 1e30;
     for (int i = 0; i < repeat; ++i) {
@@ -135,6 +166,9 @@ nlohmann::json run(const Case& c, int triangles, float alpha, size_t receiver_co
                   {"continued", s.continued},
                   {"merged", s.merged},
                   {"dropped_cuts", s.dropped_cuts},
+                  {"occluded", s.occluded},
+                  {"dropped_beams", s.dropped_beams},
+                  {"beam_bytes", paths.beam_bytes},
                   {"paths", paths.paths.size()},
                   {"bytes", mirrors.bytes() + points.tree.bytes() + paths.bytes()}};
     }
@@ -150,7 +184,7 @@ int main(int argc, char** argv) {
     std::vector<int> triangles;
     std::vector<float> alphas{0.001F, 0.005F, 0.01F, 0.05F};
     size_t receivers = 10000;
-    bool every_triangle = false;
+    bool every_triangle = false, visibility = false;
     double alpha_multiple = 0.0, epsilon = 0.01;
     uint64_t budget = 0;
     app.add_option("--case", only, "Run this case only");
@@ -163,6 +197,7 @@ int main(int argc, char** argv) {
     app.add_option("--alpha-multiple", alpha_multiple, "Accept slopes up to so many alpha, instead of Eq. 1");
     app.add_option("--budget", budget, "Nodes per receiver; 0: no limit");
     app.add_flag("--every-triangle", every_triangle, "Keep a path for every accepted tuple");
+    app.add_flag("--visibility", visibility, "Leave out dark triangles and occluded paths");
     CLI11_PARSE(app, argc, argv);
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(threads));
     for (const Case& c : cases()) {
@@ -175,7 +210,8 @@ int main(int argc, char** argv) {
                 options.bounces = c.bounces;
                 options.max_nodes_per_receiver = budget;
                 options.selection = every_triangle ? Selection::every_triangle : Selection::local_minima;
-                std::cout << run(c, count, alpha, receivers, options, {epsilon, alpha_multiple}, repeat) << std::endl;
+                std::cout << run(c, count, alpha, receivers, options, {epsilon, alpha_multiple}, visibility, repeat)
+                          << std::endl;
             }
         }
     }

@@ -98,6 +98,7 @@ using Tuple = std::array<uint32_t, 3>;
 struct Place {
     std::array<Vec3d, 2> points{};
     double tolerance = 0.0;
+    bool exact = false;
 };
 using Paths = std::map<Tuple, Place>;
 
@@ -143,6 +144,7 @@ Paths brute_force(const ReflectorTree& reflectors, const RandomScene& scene, int
                 if (!solution.accepted) continue;
                 Place& place = accepted[{receiver, a, b}];
                 place.tolerance = 1e-3 * std::min(reflectors.patch(a).size, reflectors.patch(b).size);
+                place.exact = solution.path.status == SolveStatus::exact;
                 for (size_t i = 0; i < static_cast<size_t>(bounces); ++i) {
                     place.points[i] = solution.path.vertices[i].position;
                 }
@@ -193,7 +195,7 @@ void compare(Generator& generator, int scenes, int triangles, size_t receivers, 
 
 void report(const Recall& recall, const char* what) {
     const SearchStatistics& s = recall.statistics;
-    MESSAGE(what << ": " << recall.accepted << " accepted tuples, " << recall.missed << " missed; " << s.leaf_cuts
+    MESSAGE(std::string(what) << ": " << recall.accepted << " accepted tuples, " << recall.missed << " missed; " << s.leaf_cuts
                  << " leaf cuts, " << s.solves << " solves, " << s.exact << " exact, " << s.relaxed << " relaxed");
 }
 
@@ -224,4 +226,34 @@ TEST_CASE("every accepted pair of triangles is found, two reflections") {
     report(recall, "two reflections, every pair");
     CHECK(recall.missed == 0);
     CHECK(recall.accepted > 10000);
+}
+
+TEST_CASE("two reflections by beams: exact paths are found, and most relaxed ones") {
+    Generator generator(4);
+    Recall exact, relaxed;
+    for (int i = 0; i < 24; ++i) {
+        const RandomScene scene = make_random_scene(generator, 1000, 2, 1.0, Vec3d(0.0));
+        const ReflectorTree reflectors = build_reflector_tree(scene.reflectors, {});
+        const Paths found = search(reflectors, scene, 2, Selection::local_minima, exact.statistics);
+        // The search of all tuples misses nothing, as the tests above show, and is the faster brute force.
+        SearchStatistics ignored;
+        for (const auto& [tuple, place] : search(reflectors, scene, 2, Selection::every_triangle, ignored)) {
+            const std::array<uint32_t, 2> triangles{tuple[1], tuple[2]};
+            const TupleSolution solution =
+                solve_tuple(reflectors, triangles, scene.receivers[tuple[0]], scene.light, Selection::local_minima);
+            if (!solution.accepted) continue;
+            const bool is_exact = solution.path.status == SolveStatus::exact;
+            Recall& recall = is_exact ? exact : relaxed;
+            ++recall.accepted;
+            Place at = place;
+            at.tolerance = 1e-3 * std::min(reflectors.patch(tuple[1]).size, reflectors.patch(tuple[2]).size);
+            if (!found.contains(tuple) && !found_elsewhere(found, tuple[0], at)) {
+                ++recall.missed;
+                const double gap = glm::length(place.points[0] - place.points[1]);
+                MESSAGE("scene " << i << " (" << scene.description << "): missed " << std::string(is_exact ? "exact" : "relaxed") << " receiver " << tuple[0] << ", triangles " << tuple[1] << " " << tuple[2] << " hop " << gap << " sizes " << reflectors.patch(tuple[1]).size << " " << reflectors.patch(tuple[2]).size << " residual " << solution.path.residual);
+            }
+        }
+    }
+    report(exact, "two reflections by beams, exact");
+    report(relaxed, "two reflections by beams, relaxed");
 }
