@@ -259,6 +259,7 @@ struct Candidate {
     float distance = 0.0F;     ///< Smallest slope, as far as linearity goes.
     bool exact = false;        ///< It may vanish,
     bool solved = false;       ///< and does.
+    bool known = false;        ///< The smallest slope is known well enough to tell whether it would be accepted.
     ChainPosition position{};  ///< Where, on all triangles.
     PerVertex<uint32_t> triangles{};
 };
@@ -314,6 +315,7 @@ class ReceiverSearch {
                 }
                 candidate.beam = index * static_cast<uint32_t>(block_size) + static_cast<uint32_t>(first + lane);
                 candidate.distance = image.distance[lane];
+                candidate.known = image.error[lane] < 0.5F * t.max_slope[lane];
                 candidate.exact = !(image.distance[lane] > image.error[lane]);
                 candidate.triangles = chain_triangles(beams_, length_, candidate.beam);
                 candidates_.push_back(candidate);
@@ -331,21 +333,6 @@ class ReceiverSearch {
             longest2 = std::max(longest2, x * x + y * y);
         }
         return image.error[lane] * std::sqrt(longest2) / area;
-    }
-
-    /// Barycentric coordinates of the image's point that is closest to the origin.
-    static Vec2 lowest_point(const SlopeImage<FloatV>& image, size_t lane) {
-        if (image.distance[lane] == 0.0F) return {image.weight1[lane], image.weight2[lane]};
-        constexpr std::array<Vec2, 3> corners{Vec2(0.0F, 0.0F), Vec2(1.0F, 0.0F), Vec2(0.0F, 1.0F)};
-        size_t edge = 0;
-        for (size_t e = 1; e < 3; ++e) {
-            if (image.edge_distances[e][lane] < image.edge_distances[edge][lane]) edge = e;
-        }
-        const SlopePoint<FloatV>&a = image.corners[edge], &b = image.corners[(edge + 1) % 3];
-        const Vec2 from(a.x[lane], a.y[lane]), along = Vec2(b.x[lane], b.y[lane]) - from;
-        const float length2 = std::max(glm::dot(along, along), 1e-30F);
-        const float t = std::clamp(-glm::dot(from, along) / length2, 0.0F, 1.0F);
-        return glm::mix(corners[edge], corners[(edge + 1) % 3], t);
     }
 
     /// Where light that reaches a point of a beam's triangle was reflected before: an affine map from triangle to
@@ -383,7 +370,7 @@ class ReceiverSearch {
     /// Not solved, and no better candidate, or solved one, runs through triangles that touch this one's.
     bool is_local_minimum(size_t index) const {
         const Candidate& candidate = candidates_[index];
-        if (candidate.solved) return false;
+        if (candidate.solved || !candidate.known) return false;
         for (size_t i = 0; i < candidates_.size(); ++i) {
             if (i >= index && !candidates_[i].solved) continue;
             bool adjacent = true;

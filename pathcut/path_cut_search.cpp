@@ -216,9 +216,18 @@ class GroupSearch {
 
     /// Triangles of a block that may hold accepted paths, as bits.
     struct Candidates {
-        uint32_t any = 0;      ///< All of them.
-        uint32_t relaxed = 0;  ///< Those where slopes may be smallest without vanishing.
+        uint32_t any = 0;                          ///< All of them.
+        uint32_t relaxed = 0;                      ///< Those where slopes may be smallest without vanishing;
+        uint32_t exact = 0;                        ///< and those where they may vanish.
+        std::array<uint8_t, block_size> corner{};  ///< Where the smallest slope of a relaxed one is, or no_corner.
     };
+
+    static constexpr uint8_t no_corner = 3;
+    static uint8_t corner_at(const Vec2& weights) {
+        if (weights == Vec2(0.0F)) return 0;
+        if (weights.x == 1.0F) return 1;
+        return weights.y == 1.0F ? 2 : no_corner;
+    }
 
     NEPHROID_FLATTEN Candidates promising_triangles(const PathCut& cut, uint32_t bits) const {
         const TriangleBlock& block = reflectors_.blocks[cut.items[0].index];
@@ -236,13 +245,20 @@ class GroupSearch {
             if (options_.selection == Selection::every_triangle) {
                 candidates.any |= any << first;
                 candidates.relaxed |= any << first;
+                candidates.exact |= any << first;
                 continue;
             }
             const size_t triangle = size_t{cut.items[0].index} * block_size + first;
             const auto minimum =
                 image.grazing || may_fold<FloatV>(image, image.area) || folds_at_edges(triangle, image, receiver);
-            candidates.any |= (any & lane_bits(minimum || image.distance <= image.error)) << first;
-            candidates.relaxed |= (any & lane_bits(minimum)) << first;
+            const uint32_t exact = any & lane_bits(image.distance <= image.error), relaxed = any & lane_bits(minimum);
+            candidates.any |= (exact | relaxed) << first;
+            candidates.relaxed |= relaxed << first;
+            candidates.exact |= exact << first;
+            for (uint32_t left = relaxed & ~exact; left != 0; left &= left - 1) {
+                const auto lane = static_cast<size_t>(std::countr_zero(left));
+                candidates.corner[first + lane] = corner_at(lowest_point(image, lane));
+            }
         }
         return candidates;
     }
@@ -357,8 +373,15 @@ class GroupSearch {
         solver.rejection_margin = INFINITY;  // The triangles' images have said as much, and better.
         for (uint32_t left = candidates.any; left != 0; left &= left - 1) {
             const uint32_t lane = static_cast<uint32_t>(std::countr_zero(left));
+            const uint32_t triangle = cut.items[0].index * static_cast<uint32_t>(block_size) + lane;
             solver.relaxed = (candidates.relaxed >> lane & 1U) != 0;
-            solve(cut, {cut.items[0].index * static_cast<uint32_t>(block_size) + lane}, solver);
+            const uint8_t corner = candidates.corner[lane];
+            if ((candidates.exact >> lane & 1U) == 0 && corner != no_corner &&
+                falls_away_at_corner(reflectors_, triangle, corner, to_vec3(cut.receiver_bound.centre), light_)) {
+                ++statistics.continued;
+                continue;
+            }
+            solve(cut, {triangle}, solver);
         }
     }
 

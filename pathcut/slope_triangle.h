@@ -177,4 +177,19 @@ F area_across(const SlopeImage<F>& image, size_t edge, const SlopePoint<F>& apex
     return cross(to - from, apex - from);
 }
 
+/// Barycentric coordinates of the point of one lane's triangle whose slope is smallest.
+inline Vec2 lowest_point(const SlopeImage<FloatV>& image, size_t lane) {
+    if (image.distance[lane] == 0.0F) return {image.weight1[lane], image.weight2[lane]};
+    constexpr std::array<Vec2, 3> corners{Vec2(0.0F, 0.0F), Vec2(1.0F, 0.0F), Vec2(0.0F, 1.0F)};
+    size_t edge = 0;
+    for (size_t e = 1; e < 3; ++e) {
+        if (image.edge_distances[e][lane] < image.edge_distances[edge][lane]) edge = e;
+    }
+    const SlopePoint<FloatV>&a = image.corners[edge], &b = image.corners[(edge + 1) % 3];
+    const Vec2 from(a.x[lane], a.y[lane]), along = Vec2(b.x[lane], b.y[lane]) - from;
+    const float length2 = std::max(glm::dot(along, along), 1e-30F);
+    const float t = std::clamp(-glm::dot(from, along) / length2, 0.0F, 1.0F);
+    return glm::mix(corners[edge], corners[(edge + 1) % 3], t);
+}
+
 }  // namespace nephroid

@@ -69,31 +69,40 @@ bool falls_from_edge(const Crossing& crossing, uint32_t edge) {
     return glm::dot(crossing.downhill, Vec2d(-along.y, along.x)) > level;  // Counterclockwise: left is inside.
 }
 
-/// Whether any way down leads from corner `corner` into the triangle.
-bool falls_from_corner(const Crossing& crossing, uint32_t corner) {
-    const Vec2d next = glm::normalize(edge_vector(crossing.patch, static_cast<int>(corner)));
-    const Vec2d last = -glm::normalize(edge_vector(crossing.patch, static_cast<int>((corner + 2) % 3)));
-    const Vec2d& down = crossing.downhill;
-    if (glm::dot(down, next) > level || glm::dot(down, last) > level) return true;
-    return next.x * down.y - next.y * down.x > level && down.x * last.y - down.y * last.x > level;
+/// Unit directions of the edges that leave corner `corner`, the first and, counterclockwise, the second.
+std::array<Vec2d, 2> edges_at_corner(const SurfacePatch& patch, uint32_t corner) {
+    return {glm::normalize(edge_vector(patch, static_cast<int>(corner))),
+            -glm::normalize(edge_vector(patch, static_cast<int>((corner + 2) % 3)))};
 }
 
-/// Vertex i of the path lies on corner `corner` of its triangle: another triangle around it into which slopes fall, or
-/// no_triangle.
-uint32_t next_around_corner(const ReflectorTree& reflectors, const SpecularChain& chain, const ChainPosition& position,
-                            size_t i, uint32_t triangle, uint32_t corner) {
+/// Whether the steepest way down leads between the edges, at least by an angle with this sine.
+bool falls_between(const std::array<Vec2d, 2>& edges, const Vec2d& down, double sine) {
+    return edges[0].x * down.y - edges[0].y * down.x > sine && down.x * edges[1].y - down.y * edges[1].x > sine;
+}
+
+/// Whether any way down leads from corner `corner` into the triangle.
+bool falls_from_corner(const Crossing& crossing, uint32_t corner) {
+    const std::array<Vec2d, 2> edges = edges_at_corner(crossing.patch, corner);
+    const Vec2d& down = crossing.downhill;
+    return glm::dot(down, edges[0]) > level || glm::dot(down, edges[1]) > level || falls_between(edges, down, level);
+}
+
+/// Calls test(triangle, its corner) for the other triangles around a corner until that returns true; returns the
+/// triangle then, else no_triangle.
+template <class Test>
+uint32_t find_around_corner(const ReflectorTree& reflectors, uint32_t triangle, uint32_t corner, const Test& test) {
     // Around to the left over the edge that ends at the corner; then, if a border stopped that, around to the right.
     HalfEdge h = reflectors.twins[triangle][(corner + 2) % 3];
     while (h != no_half_edge && triangle_of(h) != triangle) {
         const uint32_t next = triangle_of(h), at = edge_of(h);  // The twin starts at the corner.
-        if (falls_from_corner(cross_over(reflectors, chain, position, i, next), at)) return next;
+        if (test(next, at)) return next;
         h = reflectors.twins[next][(at + 2) % 3];
     }
     if (h != no_half_edge) return no_triangle;
     h = reflectors.twins[triangle][corner];
     while (h != no_half_edge && triangle_of(h) != triangle) {
         const uint32_t next = triangle_of(h), at = (edge_of(h) + 1) % 3;  // The twin ends at the corner.
-        if (falls_from_corner(cross_over(reflectors, chain, position, i, next), at)) return next;
+        if (test(next, at)) return next;
         h = reflectors.twins[next][at];
     }
     return no_triangle;
@@ -105,7 +114,9 @@ uint32_t next_triangle(const ReflectorTree& reflectors, const SpecularChain& cha
     const std::array<double, 3> weight{1.0 - b.x - b.y, b.x, b.y};
     for (uint32_t corner = 0; corner < 3; ++corner) {
         if (weight[corner] >= 1.0 - on_edge) {
-            return next_around_corner(reflectors, chain, position, i, triangle, corner);
+            return find_around_corner(reflectors, triangle, corner, [&](uint32_t next, uint32_t at) {
+                return falls_from_corner(cross_over(reflectors, chain, position, i, next), at);
+            });
         }
     }
     for (uint32_t edge = 0; edge < 3; ++edge) {
@@ -172,6 +183,19 @@ TupleSolution solve_tuple(const ReflectorTree& reflectors, std::span<const uint3
     }
     solution.accepted = !solution.continued && light.shines_on(solution.path.vertices[triangles.size() - 1].position);
     return solution;
+}
+
+bool falls_away_at_corner(const ReflectorTree& reflectors, uint32_t triangle, uint32_t corner, const Vec3& receiver,
+                          const PathLight& light) {
+    constexpr double clear_sine = 0.3;
+    TuplePatches tuple;
+    make_tuple_chain(reflectors, std::span(&triangle, 1), receiver, light, tuple);
+    ChainPosition position{};
+    position[0] = Vec2d(corner == 1 ? 1.0 : 0.0, corner == 2 ? 1.0 : 0.0);
+    return find_around_corner(reflectors, triangle, corner, [&](uint32_t next, uint32_t at) {
+               const Crossing crossing = cross_over(reflectors, tuple.chain, position, 0, next);
+               return falls_between(edges_at_corner(crossing.patch, at), crossing.downhill, clear_sine);
+           }) != no_triangle;
 }
 
 TupleSolution walk_to_minimum(const ReflectorTree& reflectors, std::span<uint32_t> triangles, const Vec3& receiver,

@@ -33,6 +33,11 @@ void make_tuple_chain(const ReflectorTree& reflectors, std::span<const uint32_t>
 TupleSolution solve_tuple(const ReflectorTree& reflectors, std::span<const uint32_t> triangles, const Vec3& receiver,
                           const PathLight& light, Selection selection, const SolverOptions& options = {});
 
+/// Whether slopes of one reflection clearly fall from a triangle's corner into the inside of another triangle around
+/// it: so that no smallest slope is there or next to it.
+bool falls_away_at_corner(const ReflectorTree& reflectors, uint32_t triangle, uint32_t corner, const Vec3& receiver,
+                          const PathLight& light);
+
 /// Follows slopes that fall on into neighbouring triangles, in at most `max_steps` steps, and changes `triangles`
 /// accordingly: for starts that are only known to be near a solution. `work` grows by all solves.
 TupleSolution walk_to_minimum(const ReflectorTree& reflectors, std::span<uint32_t> triangles, const Vec3& receiver,

@@ -12,6 +12,8 @@
 #include <random>
 #include <string>
 
+#include "pathcut/cut_test.h"
+#include "pathcut/direction_bounds.h"
 #include "pathcut/path_cut_search.h"
 #include "tests/reflector_shapes.h"
 
@@ -175,6 +177,94 @@ nlohmann::json run(const Case& c, int triangles, float alpha, size_t receiver_co
     return result;
 }
 
+/// The boxes that interval arithmetic would bound sixteen nodes by: of positions, and of normals.
+struct BoxLanes {
+    IntervalVector<FloatV> positions, normals;
+};
+
+IntervalVector<FloatV> gather_boxes(const std::vector<IntervalVector<float>>& boxes, size_t first) {
+    const auto lanes = [&](auto member) { return FloatV([&](auto lane) { return member(boxes[first + lane]); }); };
+    return {{lanes([](const auto& b) { return b.x.lower; }), lanes([](const auto& b) { return b.x.upper; })},
+            {lanes([](const auto& b) { return b.y.lower; }), lanes([](const auto& b) { return b.y.upper; })},
+            {lanes([](const auto& b) { return b.z.lower; }), lanes([](const auto& b) { return b.z.upper; })}};
+}
+
+/// The half-vector test in interval arithmetic, as in the paper, with the sine of the acceptance angle.
+NEPHROID_FLATTEN FloatV::mask_type boxes_reject(const BoxLanes& node, const IntervalVector<FloatV>& receiver,
+                                                const IntervalVector<FloatV>& light, float sin_acceptance) {
+    const IntervalVector<FloatV> wo = directions_between(node.positions, receiver);
+    const IntervalVector<FloatV> wi = directions_between(node.positions, light);
+    const IntervalVector<FloatV> h = half_vectors(wi, wo);
+    const FloatV limit(sin_acceptance);
+    const IntervalVector<FloatV> back{-node.normals.x, -node.normals.y, -node.normals.z};
+    return gap_between<FloatV>(h, node.normals).min_sine > limit && gap_between<FloatV>(h, back).min_sine > limit;
+}
+
+NEPHROID_FLATTEN FloatV::mask_type cones_reject(const MirrorBound<FloatV>& node, const PointBound<FloatV>& receiver,
+                                                const PathLight& light) {
+    return cannot_reflect<FloatV>(node, make_leg<FloatV>(node.points, receiver), make_leg<FloatV>(node.points, light));
+}
+
+/// How many nodes of each level the two kinds of bounds reject, and in what time: for single receivers.
+nlohmann::json compare_bounds(const Case& c, int triangles, float alpha) {
+    std::vector<ReflectorTriangle> reflectors;
+    c.reflectors(reflectors, triangles, alpha);
+    const ReflectorTree mirrors = build_reflector_tree(reflectors, {});
+    PathLight light;
+    light.point = c.light;
+    const std::vector<Vec3> receivers = random_receivers(c, 2000);
+    const auto sin_acceptance = static_cast<float>(std::sin(std::atan(AcceptanceOptions{}.max_slope(double{alpha}))));
+    nlohmann::json levels = nlohmann::json::array();
+    for (uint32_t level = 0; level < mirrors.tree.levels.size(); ++level) {
+        const size_t nodes = mirrors.tree.items_at(level), run = size_t{1} << (4 * level);
+        std::vector<IntervalVector<float>> positions, normals;
+        for (size_t node = 0; node < nodes; ++node) {
+            IntervalVector<float> p = empty_box<float>(), n = empty_box<float>();
+            for (size_t t = node * run; t < std::min((node + 1) * run, mirrors.size()); ++t) {
+                for (size_t corner = 0; corner < 3; ++corner) {
+                    p = hull(p, point_box(to_triple(mirrors.position(static_cast<uint32_t>(t), corner))));
+                    n = hull(n, point_box(to_triple(mirrors.normal(static_cast<uint32_t>(t), corner))));
+                }
+            }
+            positions.push_back(p);
+            normals.push_back(spanned_box(n));
+        }
+        const size_t full = nodes / block_size;
+        if (full == 0) continue;
+        std::array<uint64_t, 2> rejected{};
+        std::array<double, 2> seconds{};
+        uint64_t tests = 0;
+        const IntervalVector<FloatV> light_box = point_box(broadcast(to_triple(light.point)));
+        for (size_t block = 0; block < std::min<size_t>(full, 64); ++block) {
+            for (size_t first = 0; first < block_size; first += simd_width) {
+                const size_t at = block * block_size + first;
+                const BoxLanes boxes{gather_boxes(positions, at), gather_boxes(normals, at)};
+                const MirrorBound<FloatV> cones = load(mirrors.tree.levels[level][block], first);
+                auto start = std::chrono::steady_clock::now();
+                for (const Vec3& r : receivers) {
+                    rejected[0] += count_of(cones_reject(cones, {broadcast(to_triple(r)), FloatV(0.0F)}, light));
+                }
+                seconds[0] += seconds_since(start);
+                start = std::chrono::steady_clock::now();
+                for (const Vec3& r : receivers) {
+                    rejected[1] +=
+                        count_of(boxes_reject(boxes, point_box(broadcast(to_triple(r))), light_box, sin_acceptance));
+                }
+                seconds[1] += seconds_since(start);
+                tests += receivers.size() * simd_width;
+            }
+        }
+        const auto share = [&](size_t i) { return static_cast<double>(rejected[i]) / static_cast<double>(tests); };
+        const auto nanoseconds = [&](size_t i) { return 1e9 * seconds[i] / static_cast<double>(tests); };
+        levels.push_back({{"triangles_per_node", run},
+                          {"cones_rejected", share(0)},
+                          {"boxes_rejected", share(1)},
+                          {"cones_nanoseconds", nanoseconds(0)},
+                          {"boxes_nanoseconds", nanoseconds(1)}});
+    }
+    return {{"case", c.name}, {"alpha", alpha}, {"levels", levels}};
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -184,7 +274,7 @@ int main(int argc, char** argv) {
     std::vector<int> triangles;
     std::vector<float> alphas{0.001F, 0.005F, 0.01F, 0.05F};
     size_t receivers = 10000;
-    bool every_triangle = false, visibility = false;
+    bool every_triangle = false, visibility = false, bounds = false;
     double alpha_multiple = 0.0, epsilon = 0.01;
     uint64_t budget = 0;
     app.add_option("--case", only, "Run this case only");
@@ -198,6 +288,7 @@ int main(int argc, char** argv) {
     app.add_option("--budget", budget, "Nodes per receiver; 0: no limit");
     app.add_flag("--every-triangle", every_triangle, "Keep a path for every accepted tuple");
     app.add_flag("--visibility", visibility, "Leave out dark triangles and occluded paths");
+    app.add_flag("--bounds", bounds, "Compare spheres and cones with boxes instead");
     CLI11_PARSE(app, argc, argv);
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(threads));
     for (const Case& c : cases()) {
@@ -206,6 +297,10 @@ int main(int argc, char** argv) {
             !triangles.empty() ? triangles : std::vector<int>{c.bounces == 1 ? 30000 : 10000};
         for (const int count : counts) {
             for (const float alpha : alphas) {
+                if (bounds) {
+                    std::cout << compare_bounds(c, count, alpha) << std::endl;
+                    continue;
+                }
                 SearchOptions options;
                 options.bounces = c.bounces;
                 options.max_nodes_per_receiver = budget;
