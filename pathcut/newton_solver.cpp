@@ -124,6 +124,14 @@ ChainState minimum_inside(const SpecularChain& chain, const SolverOptions& optio
     return best;
 }
 
+SpecularPath local_minimum(const SpecularChain& chain, const SolverOptions& options, SolverWork& work) {
+    ChainState best;
+    best.merit = INFINITY;
+    const ChainPosition start = closest_inside(chain, *options.start);
+    improve(chain, options, make_state(chain, start, Region::triangles, work), best, work);
+    return make_path(chain, best, work);
+}
+
 SpecularPath rejected_path(const SolverWork& work) {
     SpecularPath path;
     path.status = SolveStatus::rejected;
@@ -136,6 +144,7 @@ SpecularPath rejected_path(const SolverWork& work) {
 SpecularPath solve_specular_path(const SpecularChain& chain, const SolverOptions& options) {
     SolverWork work;
     if (!is_solvable(chain)) return {};
+    if (options.newton && options.local && options.start != nullptr) return local_minimum(chain, options, work);
     const bool guessed = options.newton && options.start != nullptr;
     ChainState state = make_state(chain, guessed ? *options.start : centres(), Region::planes, work);
     if (!options.newton) return make_path(chain, state, work);

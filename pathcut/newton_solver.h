@@ -19,6 +19,8 @@ struct SolverOptions {
     const ChainPosition* start = nullptr;
     /// How far (barycentric, from the triangles' centres) the search for exact paths may stray.
     double furthest = 16.0;
+    /// Only go downhill inside of the triangles from `start`: for who knows where slopes are smallest, and not zero.
+    bool local = false;
     bool relaxed = true;      ///< Otherwise exact paths alone are looked for, and the rest is `rejected`.
     bool newton = true;       ///< Otherwise the path through the triangles' centres (Fig. 13, Li et al. 2022).
     int max_iterations = 24;  ///< Of each descent.

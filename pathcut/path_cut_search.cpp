@@ -216,12 +216,14 @@ class GroupSearch {
 
     /// Triangles of a block that may hold accepted paths, as bits.
     struct Candidates {
-        uint32_t any = 0;                          ///< All of them.
-        uint32_t relaxed = 0;                      ///< Those where slopes may be smallest without vanishing;
-        uint32_t exact = 0;                        ///< and those where they may vanish.
-        std::array<uint8_t, block_size> corner{};  ///< Where the smallest slope of a relaxed one is, or no_corner.
+        uint32_t any = 0;                       ///< All of them.
+        uint32_t relaxed = 0;                   ///< Where slopes may be smallest without vanishing.
+        uint32_t exact = 0;                     ///< Where they may vanish.
+        uint32_t linear = 0;                    ///< Where they are linear enough to tell the place of the smallest.
+        std::array<Vec2, block_size> lowest{};  ///< That place, barycentric; of relaxed ones that are not exact.
     };
 
+    static constexpr float nearly_linear = 0.02F;
     static constexpr uint8_t no_corner = 3;
     static uint8_t corner_at(const Vec2& weights) {
         if (weights == Vec2(0.0F)) return 0;
@@ -255,9 +257,10 @@ class GroupSearch {
             candidates.any |= (exact | relaxed) << first;
             candidates.relaxed |= relaxed << first;
             candidates.exact |= exact << first;
+            candidates.linear |= lane_bits(image.error < FloatV(nearly_linear) * longest_edge(image)) << first;
             for (uint32_t left = relaxed & ~exact; left != 0; left &= left - 1) {
                 const auto lane = static_cast<size_t>(std::countr_zero(left));
-                candidates.corner[first + lane] = corner_at(lowest_point(image, lane));
+                candidates.lowest[first + lane] = lowest_point(image, lane);
             }
         }
         return candidates;
@@ -375,12 +378,17 @@ class GroupSearch {
             const uint32_t lane = static_cast<uint32_t>(std::countr_zero(left));
             const uint32_t triangle = cut.items[0].index * static_cast<uint32_t>(block_size) + lane;
             solver.relaxed = (candidates.relaxed >> lane & 1U) != 0;
-            const uint8_t corner = candidates.corner[lane];
-            if ((candidates.exact >> lane & 1U) == 0 && corner != no_corner &&
-                falls_away_at_corner(reflectors_, triangle, corner, to_vec3(cut.receiver_bound.centre), light_)) {
+            const Vec2& lowest = candidates.lowest[lane];
+            solver.local = options_.selection == Selection::local_minima &&
+                           (candidates.linear & ~candidates.exact & 1U << lane) != 0;
+            if (solver.local && corner_at(lowest) != no_corner &&
+                falls_away_at_corner(reflectors_, triangle, corner_at(lowest), to_vec3(cut.receiver_bound.centre),
+                                     light_)) {
                 ++statistics.continued;
                 continue;
             }
+            const ChainPosition start{Vec2d(lowest)};
+            solver.start = solver.local ? &start : nullptr;
             solve(cut, {triangle}, solver);
         }
     }

@@ -14,12 +14,15 @@ bool is_finite(const Vec3& p) {
     return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z);
 }
 
-/// tan of the angle between a path's half vector and the normal's line at one of its vertices.
-double slope_at(const SearchResult& result, const RepresentativePath& path, size_t i, const Vec3d& receiver,
-                const PathLight& light) {
+struct MeasuredSlope {
+    double slope;          ///< tan of the angle between the half vector and the normal's line.
+    double amplification;  ///< By how much more it changes than the directions do: large at grazing incidence.
+};
+
+MeasuredSlope slope_at(const SearchResult& result, const RepresentativePath& path, size_t i, const Vec3d& receiver,
+                       const PathLight& light) {
     const auto vertices = result.paths.vertices_of(path);
-    const PatchPoint point =
-        evaluate(result.tree.patch(vertices[i].triangle), Vec2d(vertices[i].b1, vertices[i].b2));
+    const PatchPoint point = evaluate(result.tree.patch(vertices[i].triangle), Vec2d(vertices[i].b1, vertices[i].b2));
     const Vec3d viewer = i == 0 ? receiver : result.position(vertices[i - 1]);
     Vec3d wi = Vec3d(light.point);
     if (i + 1 < vertices.size()) {
@@ -28,7 +31,8 @@ double slope_at(const SearchResult& result, const RepresentativePath& path, size
         wi -= point.position;
     }
     const Vec3d h = glm::normalize(viewer - point.position) + glm::normalize(wi);
-    return glm::length(glm::cross(h, point.normal)) / std::abs(glm::dot(h, point.normal));
+    const double along = std::abs(glm::dot(h, point.normal)), slope = glm::length(glm::cross(h, point.normal)) / along;
+    return {slope, (1.0 + slope) / along};
 }
 
 /// How well slopes are known from barycentric coordinates in float: these move a vertex by a part of its triangle's
@@ -75,9 +79,8 @@ bool reflects(const Search& search, const SearchResult& result, const Representa
     for (size_t i = 0; i < vertices.size(); ++i) {
         const bool widened = light.radius > 0.0F && i + 1 == vertices.size();
         const double limit = path.exact ? 0.0 : double{result.tree.max_slope(vertices[i].triangle)};
-        const double slope = slope_at(result, path, i, receiver, light);
-        // Slopes of a grazing path change by more than the directions do: in proportion to 1 + slope^2.
-        if (!widened && slope > limit + tolerance * (1.0 + slope * slope)) return false;
+        const MeasuredSlope measured = slope_at(result, path, i, receiver, light);
+        if (!widened && measured.slope > limit + tolerance * measured.amplification) return false;
     }
     return true;
 }

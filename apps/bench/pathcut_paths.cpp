@@ -38,11 +38,13 @@ struct Options {
 };
 
 void parse_size(const std::string& text, Options& options) {
+    constexpr int largest = 65536;
     int width = 0, height = 0, used = 0;
     const int count = std::sscanf(text.c_str(), "%5dx%5d%n", &width, &height, &used);
-    if (count != 2 || static_cast<size_t>(used) != text.size() || width < 1 || height < 1) {
+    const bool in_range = width >= 1 && height >= 1 && width <= largest && height <= largest;
+    if (count != 2 || static_cast<size_t>(used) != text.size() || !in_range) {
         throw Error(ExitCode::usage,
-                    "--size " + text + ": is not WIDTHxHEIGHT with 1 to 99999 pixels each; write e.g. 1024x768");
+                    "--size " + text + ": is not WIDTHxHEIGHT with 1 to 65536 pixels each; write e.g. 1024x768");
     }
     options.width = width;
     options.height = height;
@@ -84,12 +86,16 @@ Scene load_scene(const Options& options) {
 }
 
 Camera choose_camera(const Scene& scene, const Options& options) {
-    if (options.camera.empty() && !scene.cameras.empty()) return scene.cameras.front();
+    if (options.camera.empty()) {
+        if (!scene.cameras.empty()) return scene.cameras.front();
+        const Bounds bounds = world_bounds(scene);
+        return bounds.empty() ? Camera() : framing_camera(bounds.min, bounds.max);
+    }
     for (const Camera& camera : scene.cameras) {
         if (camera.name == options.camera) return camera;
     }
-    const std::string wanted = options.camera.empty() ? "cameras: none" : "camera '" + options.camera + "': not";
-    throw Error(ExitCode::invalid_input, options.scene + ": " + wanted + " in the scene; see render --info");
+    throw Error(ExitCode::invalid_input,
+                options.scene + ": camera '" + options.camera + "': not in the scene; see render --info for names");
 }
 
 std::vector<PathLight> small_path_lights(const Scene& scene, const CasterReport& casters) {
