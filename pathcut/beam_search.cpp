@@ -19,6 +19,8 @@ constexpr float close_chord = 0.3F;    // Legs wider than this may join neighbou
 constexpr std::array<Vec3, 7> receiver_samples{
     Vec3(0.98F, 0.01F, 0.01F), Vec3(0.01F, 0.98F, 0.01F), Vec3(0.01F, 0.01F, 0.98F), Vec3(0.5F, 0.5F, 0.0F),
     Vec3(0.0F, 0.5F, 0.5F),    Vec3(0.5F, 0.0F, 0.5F),    Vec3(1.0F / 3.0F)};
+constexpr double furthest_near = 3.0;   // The same for samples of beams, from the triangles' centres.
+constexpr int few_iterations = 8;       // Enough from within that distance.
 constexpr double furthest_exact = 1.5;  // Barycentric: Newton steps that lead further out lead to other triangles.
 constexpr int longest_walk = 16;        // Triangles that a relaxed path may be followed through.
 
@@ -159,6 +161,8 @@ class BeamReflection {
         const auto triangles = std::span(chain).first(incoming_length_);
         SolverOptions exact;
         exact.relaxed = false;
+        exact.furthest = furthest_near;
+        exact.max_iterations = few_iterations;
         std::array<bool, 3> solved{};
         std::array<Vec2, 3> weights{};
         Vec2 sum(0.0F);

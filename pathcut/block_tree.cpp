@@ -3,6 +3,7 @@
 #include <tbb/parallel_invoke.h>
 
 #include <array>
+#include <cmath>
 #include <limits>
 #include <numeric>
 
@@ -37,9 +38,13 @@ void order(std::span<const OrderKey> keys, std::span<uint32_t> items) {
     const size_t runs = (items.size() + run - 1) / run;
     const size_t middle = (runs / 2) * run;
     const size_t d = widest_dimension(keys, items);
-    std::nth_element(
-        items.begin(), items.begin() + static_cast<std::ptrdiff_t>(middle), items.end(),
-        [&](uint32_t a, uint32_t b) { return keys[a][d] < keys[b][d] || (keys[a][d] == keys[b][d] && a < b); });
+    // NaN, which comes of lights on corners and of overflow, goes first: nth_element needs an order.
+    const auto key = [&](uint32_t item) {
+        const float k = keys[item][d];
+        return std::isnan(k) ? -std::numeric_limits<float>::infinity() : k;
+    };
+    std::nth_element(items.begin(), items.begin() + static_cast<std::ptrdiff_t>(middle), items.end(),
+                     [&](uint32_t a, uint32_t b) { return key(a) < key(b) || (key(a) == key(b) && a < b); });
     const std::span<uint32_t> left = items.first(middle), right = items.subspan(middle);
     if (items.size() < parallel_threshold) {
         order(keys, left);

@@ -511,7 +511,9 @@ uint32_t group_level(const ReceiverTree& receivers) {
 }  // namespace
 
 RepresentativePaths find_representative_paths(const ReflectorTree& reflectors, const ReceiverTree& receivers,
-                                              std::span<const PathLight> lights, const SearchOptions& options) {
+                                              std::span<const PathLight> lights, const SearchOptions& given) {
+    SearchOptions options = given;
+    options.bounces = std::clamp(options.bounces, 1, max_chain_length);
     RepresentativePaths result;
     result.first_path.assign(receivers.given + 1, 0);
     if (receivers.tree.size == 0 || reflectors.size() == 0) return result;

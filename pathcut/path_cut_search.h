@@ -17,7 +17,7 @@
 namespace nephroid {
 
 struct SearchOptions {
-    int bounces = 1;  ///< Paths of one up to so many reflections; 1 .. max_chain_length.
+    int bounces = 1;  ///< Paths of one up to so many reflections; clamped to 1 .. max_chain_length.
     Selection selection = Selection::local_minima;
     SolverOptions solver;
     /// Paths whose reflector points all lie closer than this, in units of the triangles' edges, become one; the paper

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <tuple>
 
+#include "tests/pathcut_chains.h"
+
 namespace nephroid::testing {
 
 namespace {
@@ -147,6 +149,16 @@ bool same_paths(const RepresentativePaths& a, size_t receiver_a, const Represent
 
 bool same_statistics(const SearchStatistics& a, const SearchStatistics& b) {
     return fields(a) == fields(b);
+}
+
+Search sphere_and_plane(int triangles, float alpha, size_t receivers) {
+    Generator generator(5);
+    Search search;
+    add_shape(search.reflectors, sphere_shape(Vec3d(0.1, 0.6, 0.0), 0.4), triangles, 2.0, alpha);
+    add_shape(search.reflectors, bumpy_plane_shape(Vec3d(0.0), 1.0, 0.03, 1.5), triangles, 1.0, alpha);
+    for (size_t i = 0; i < receivers; ++i) search.receivers.emplace_back(random_point(generator, 1.5));
+    search.lights = {point_light_at(Vec3(0.7F, 2.1F, 0.4F))};
+    return search;
 }
 
 PathLight point_light_at(const Vec3& point) {

@@ -39,6 +39,11 @@ SearchResult run_checked(const Search& search);
 bool same_paths(const RepresentativePaths& a, size_t receiver_a, const RepresentativePaths& b, size_t receiver_b);
 bool same_statistics(const SearchStatistics& a, const SearchStatistics& b);
 
+inline constexpr std::array<Selection, 2> both_selections{Selection::local_minima, Selection::every_triangle};
+
+/// A sphere above a bumpy plane of about `triangles` each, a point light above, receivers all around.
+Search sphere_and_plane(int triangles, float alpha, size_t receivers);
+
 PathLight point_light_at(const Vec3& point);
 PathLight light_from(const Vec3& direction);
 

@@ -27,8 +27,8 @@ FoundPath found_path(uint32_t triangle, const Vec3& position, bool exact = true,
     found.path.exact = exact;
     found.path.residual = residual;
     found.vertices[0].triangle = triangle;
-    found.positions[0] = position;
-    found.edges[0] = 1.0F;
+    found.positions.fill(position);
+    found.edges.fill(1.0F);
     return found;
 }
 
@@ -88,13 +88,10 @@ TEST_CASE("paths merge by distance, the better one stays") {
     }
     SUBCASE("all vertices must be close") {
         paths = {found_path(1, p), found_path(2, p)};
-        for (FoundPath& path : paths) {
-            path.path.length = 2;
-            path.edges[1] = 1.0F;
-        }
-        paths[1].positions[1] = Vec3(0.0F, 0.2F, 0.0F);
+        for (FoundPath& path : paths) path.path.length = 2;
+        paths[1].positions[1] = p + Vec3(0.0F, 0.2F, 0.0F);
         CHECK(merge_paths(paths, 0.1) == 0);
-        paths[1].positions[1] = Vec3(0.0F, 0.05F, 0.0F);
+        paths[1].positions[1] = p + Vec3(0.0F, 0.05F, 0.0F);
         CHECK(merge_paths(paths, 0.1) == 1);
     }
     SUBCASE("nothing") {
