@@ -1,5 +1,8 @@
 #include "pathcut/reflector_tree.h"
 
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -13,21 +16,32 @@ namespace {
 
 constexpr double smallest_alpha = 1e-4;  // Below, a surface is a perfect mirror; a lobe of this width stands for it.
 
-bool is_usable(const ReflectorTriangle& t) {
+bool is_finite(const ReflectorTriangle& t) {
     const Vec3 sum = t.positions[0] + t.positions[1] + t.positions[2] + t.normals[0] + t.normals[1] + t.normals[2];
-    if (!std::isfinite(sum.x + sum.y + sum.z)) return false;
-    return !make_surface_patch({t.positions[0], t.positions[1], t.positions[2]},
-                               {t.normals[0], t.normals[1], t.normals[2]})
-                .degenerate;
+    return std::isfinite(sum.x + sum.y + sum.z);
 }
 
-/// Normals that are zero become the geometric one; all become unit.
-ReflectorTriangle with_normals(const ReflectorTriangle& t) {
-    ReflectorTriangle result = t;
+/// Makes all normals unit, zero ones the geometric normal; false for a triangle that reflects nothing.
+bool prepare(ReflectorTriangle& t) {
+    if (!is_finite(t)) return false;
     const SurfacePatch patch = make_surface_patch({t.positions[0], t.positions[1], t.positions[2]},
                                                   {t.normals[0], t.normals[1], t.normals[2]});
-    for (size_t i = 0; i < 3; ++i) result.normals[i] = Vec3(patch.normals[i]);
-    return result;
+    for (size_t i = 0; i < 3; ++i) t.normals[i] = Vec3(patch.normals[i]);
+    return !patch.degenerate;
+}
+
+std::vector<ReflectorTriangle> usable_triangles(const std::vector<ReflectorTriangle>& given) {
+    std::vector<ReflectorTriangle> triangles = given;
+    std::vector<uint8_t> usable(given.size());
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, given.size(), 1024), [&](const tbb::blocked_range<size_t>& range) {
+        for (size_t i = range.begin(); i != range.end(); ++i) usable[i] = prepare(triangles[i]) ? 1 : 0;
+    });
+    size_t count = 0;
+    for (size_t i = 0; i < triangles.size(); ++i) {
+        if (usable[i] != 0) triangles[count++] = triangles[i];
+    }
+    triangles.resize(count);
+    return triangles;
 }
 
 /// Positions in units of the casters' size, so that crossing a reflector counts as much as turning its normal about.
@@ -110,11 +124,7 @@ std::vector<ReflectorTriangle> reflector_triangles(const Scene& scene, const Cas
 }
 
 ReflectorTree build_reflector_tree(const std::vector<ReflectorTriangle>& given, const AcceptanceOptions& options) {
-    std::vector<ReflectorTriangle> usable;
-    usable.reserve(given.size());
-    for (const ReflectorTriangle& t : given) {
-        if (is_usable(t)) usable.push_back(with_normals(t));
-    }
+    const std::vector<ReflectorTriangle> usable = usable_triangles(given);
     std::vector<ReflectorTriangle> triangles;
     triangles.reserve(usable.size());
     for (const uint32_t i : compact_order(order_keys(usable))) triangles.push_back(usable[i]);
