@@ -63,10 +63,12 @@ PerVertex<uint32_t> chain_triangles(const BeamSets& sets, size_t length, uint32_
 /// Makes the beams that one triangle reflects.
 class BeamReflection {
   public:
-    BeamReflection(const ReflectorTree& reflectors, const PathLight& light, const BeamSets& sets, uint32_t triangle)
+    BeamReflection(const ReflectorTree& reflectors, const PathLight& light, const BeamSets& sets,
+                   const Accelerator* accelerator, uint32_t triangle)
         : reflectors_(reflectors),
           light_(light),
           sets_(sets),
+          accelerator_(accelerator),
           incoming_length_(sets.by_length.size()),
           triangle_(triangle),
           bound_(reflectors.bound(triangle)) {
@@ -192,9 +194,29 @@ class BeamReflection {
         append(beam, beams);
     }
 
-    static void append(const Beam& beam, std::vector<Beam>& beams) {
+    void append(const Beam& beam, std::vector<Beam>& beams) const {
         const Vec3 sum = beam.wi[0] + beam.wi[1] + beam.wi[2];
-        if (std::isfinite(sum.x + sum.y + sum.z)) beams.push_back(beam);
+        if (std::isfinite(sum.x + sum.y + sum.z) && !is_blocked(beam)) beams.push_back(beam);
+    }
+
+    /// Whether something is in the way of the beam's light to all corners and to the centroid. Both ends are left out,
+    /// so that neither triangle counts.
+    bool is_blocked(const Beam& beam) const {
+        if (accelerator_ == nullptr) return false;
+        constexpr float left_out = 1e-3F, inwards = 0.1F;
+        const uint32_t source = incoming().triangle(beam.parent);
+        const Vec3 centroid = (corners_[0] + corners_[1] + corners_[2]) / 3.0F;
+        const Vec2 mean = (beam.parent_weights[0] + beam.parent_weights[1] + beam.parent_weights[2]) / 3.0F;
+        const SurfacePatch patch = reflectors_.patch(source);
+        for (size_t i = 0; i < 4; ++i) {
+            const Vec3 to = i < 3 ? glm::mix(corners_[i], centroid, inwards) : centroid;
+            const Vec2d weights = closest_inside(patch, Vec2d(i < 3 ? beam.parent_weights[i] : mean));
+            const Vec3 from(evaluate(patch, glm::mix(weights, triangle_centre, double{inwards})).position);
+            const Vec3 between = to - from;
+            const Ray ray{from + between * left_out, between * (1.0F - 2.0F * left_out), 1.0F};
+            if (!accelerator_->occluded(ray)) return false;
+        }
+        return true;
     }
 
     void set_origin(Beam& beam, size_t corner, uint32_t source, const Vec2& weights) const {
@@ -225,7 +247,7 @@ class BeamReflection {
             const float chord = make_leg(mirror.points, bound_.points).chord;
             if (chord < close_chord) continue;
             // Hops shorter than a triangle are beyond what triangles can tell: those within one, and to the next.
-            if (source == triangle_ || only_skims(reflectors_, source, mirror, incoming_leg(block, lane), triangle_)) {
+            if (source == triangle_ || only_skims(reflectors_, source, incoming_leg(block, lane), 0.0F, triangle_)) {
                 kept &= ~(1U << lane);
             }
         }
@@ -251,6 +273,7 @@ class BeamReflection {
     const ReflectorTree& reflectors_;
     const PathLight& light_;
     const BeamSets& sets_;
+    const Accelerator* accelerator_;
     size_t incoming_length_;
     uint32_t triangle_;
     MirrorBound<float> bound_;
@@ -434,8 +457,8 @@ size_t BeamSets::bytes() const {
     return sum;
 }
 
-BeamSets trace_beams(const ReflectorTree& reflectors, const PathLight& light, const LitTriangles& lit, int length,
-                     size_t max_beams) {
+BeamSets trace_beams(const ReflectorTree& reflectors, const PathLight& light, const LitTriangles& lit,
+                     const Accelerator* accelerator, int length, size_t max_beams) {
     BeamSets sets;
     sets.by_length.push_back(make_beam_set(reflectors, direct_beams(reflectors, light, lit)));
     while (sets.by_length.size() < static_cast<size_t>(length)) {
@@ -450,7 +473,7 @@ BeamSets trace_beams(const ReflectorTree& reflectors, const PathLight& light, co
         tbb::parallel_for(size_t{0}, blocks, [&](size_t block) {
             const size_t end = std::min((block + 1) * block_size, reflectors.size());
             for (size_t triangle = block * block_size; triangle < end; ++triangle) {
-                BeamReflection(reflectors, light, sets, static_cast<uint32_t>(triangle))
+                BeamReflection(reflectors, light, sets, accelerator, static_cast<uint32_t>(triangle))
                     .run(by_block[block], nodes[block]);
             }
         });

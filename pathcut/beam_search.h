@@ -20,8 +20,9 @@ struct BeamSets {
     size_t bytes() const;
 };
 
-BeamSets trace_beams(const ReflectorTree& reflectors, const PathLight& light, const LitTriangles& lit, int length,
-                     size_t max_beams);
+/// With an accelerator, beams that something blocks at all the points that are tested are left out.
+BeamSets trace_beams(const ReflectorTree& reflectors, const PathLight& light, const LitTriangles& lit,
+                     const Accelerator* accelerator, int length, size_t max_beams);
 
 /// All paths of `length` reflections (2 or more) that beams bring to a receiver are appended to `found`.
 void find_paths_in_beams(const ReflectorTree& reflectors, const BeamSets& beams, int length, const Vec3& receiver,

@@ -210,8 +210,9 @@ class GroupSearch {
                                      : (i + 1 == cut.length ? make_leg(mirror.points, light())
                                                             : make_leg(mirror.points, cut.bounds[i + 1].points));
         const Leg<float>& other_outer = towards_light ? legs.to_light[other] : legs.to_viewer[other];
-        return only_skims(reflectors_, triangle, mirror, outer, other_triangle) ||
-               only_skims(reflectors_, other_triangle, cut.bounds[other], other_outer, triangle);
+        const float acceptance = 0.5F * reflectors_.widest_deviation;
+        return only_skims(reflectors_, triangle, outer, acceptance, other_triangle) ||
+               only_skims(reflectors_, other_triangle, other_outer, acceptance, triangle);
     }
 
     /// Triangles of a block that may hold accepted paths, as bits.
@@ -524,7 +525,7 @@ RepresentativePaths find_representative_paths(const ReflectorTree& reflectors, c
         const LitTriangles lit = find_lit_triangles(reflectors, lights[l], options.accelerator);
         BeamSets beams;
         if (options.bounces > 1 && options.selection == Selection::local_minima && options.solver.newton) {
-            beams = trace_beams(reflectors, lights[l], lit, options.bounces, options.max_beams);
+            beams = trace_beams(reflectors, lights[l], lit, options.accelerator, options.bounces, options.max_beams);
         }
         result.beam_bytes = std::max(result.beam_bytes, beams.bytes());
         result.statistics.nodes_visited += beams.nodes_visited;

@@ -18,17 +18,28 @@ float highest_elevation(const ReflectorTree& reflectors, uint32_t from, uint32_t
     return highest;
 }
 
+/// How far a triangle's normals are from the axis, at most: a chord.
+float normal_deviation(const ReflectorTree& reflectors, uint32_t triangle, const Triple<float>& axis) {
+    float most = 0.0F;
+    for (size_t corner = 0; corner < 3; ++corner) {
+        const Triple<float> off = to_triple(reflectors.normal(triangle, corner)) - axis;
+        most = maximum(most, std::sqrt(dot(off, off)));
+    }
+    return most;
+}
+
 }  // namespace
 
-bool only_skims(const ReflectorTree& reflectors, uint32_t triangle, const MirrorBound<float>& mirror,
-                const Leg<float>& outer, uint32_t other) {
+bool only_skims(const ReflectorTree& reflectors, uint32_t triangle, const Leg<float>& outer, float sin_acceptance,
+                uint32_t other) {
     constexpr float elevation_slack = 0.02F;
-    const float elevation = dot(outer.direction, mirror.axis);
-    const Triple<float> up = elevation < 0.0F ? -mirror.axis : mirror.axis;
-    // The spread holds the normals' deviation from the axis, which tilts both elevations, and theta_h.
-    const float tilt = outer.chord + 3.0F * mirror.sin_spread + elevation_slack;
-    if (!(std::abs(elevation) > tilt)) return false;
-    return std::abs(elevation) - tilt > 2.0F * highest_elevation(reflectors, triangle, other, up);
+    const Triple<float> axis = reflectors.bound(triangle).axis;
+    const float elevation = dot(outer.direction, axis);
+    const Triple<float> up = elevation < 0.0F ? -axis : axis;
+    // Deviations of the normal tilt both elevations.
+    const float tilt = outer.chord + 2.0F * (normal_deviation(reflectors, triangle, axis) + sin_acceptance);
+    const float least = std::abs(elevation) - tilt - elevation_slack;
+    return least > 0.0F && least > 2.0F * highest_elevation(reflectors, triangle, other, up);
 }
 
 }  // namespace nephroid

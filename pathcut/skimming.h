@@ -10,12 +10,13 @@
 
 namespace nephroid {
 
-/// True where a triangle and one next to it cannot be consecutive on a path, for all that the elevations at the first
-/// say. `mirror` bounds the first, `outer` is the leg from it to the vertex or end on the other side.
+/// True if a triangle and another one next to it cannot be consecutive on a path, for all that the elevations at the
+/// first say. `outer` is the leg from it to the vertex or end on the other side; `sin_acceptance` the sine of the
+/// largest accepted theta_h, zero where the first reflects exactly.
 ///
 /// The other's elevation is taken from corners and doubled, which is no proof; the search's tests against brute force
 /// cover it.
-bool only_skims(const ReflectorTree& reflectors, uint32_t triangle, const MirrorBound<float>& mirror,
-                const Leg<float>& outer, uint32_t other);
+bool only_skims(const ReflectorTree& reflectors, uint32_t triangle, const Leg<float>& outer, float sin_acceptance,
+                uint32_t other);
 
 }  // namespace nephroid
