@@ -7,6 +7,10 @@
 
 namespace nephroid {
 
+/// Below, a surface is a perfect mirror; a lobe of this roughness stands for it wherever roughness is a unit or a
+/// width.
+inline constexpr double smallest_alpha = 1e-4;
+
 /// 1 - cos(theta) of the largest angle between half vector and shading normal: where the spherical Gaussian that stands
 /// for the normal distribution of roughness `alpha` (> 0) has fallen to `epsilon` (Eq. 1, Li et al. 2022). In [0, 2]:
 /// 2, which accepts everything, where the formula's cosine falls below -1 (rough surfaces), and 0, which accepts exact

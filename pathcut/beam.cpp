@@ -119,18 +119,15 @@ std::vector<Beam> direct_beams(const ReflectorTree& reflectors, const PathLight&
 
 TriangleLanes<FloatV> load_triangles(const ReflectorTree& reflectors, const BeamBlock& block, size_t first,
                                      const FloatV::mask_type& exists) {
-    constexpr auto block_floats = static_cast<uint32_t>(sizeof(TriangleBlock) / sizeof(float));
-    constexpr auto lanes = static_cast<uint32_t>(block_size);
-    const auto* values = reinterpret_cast<const float*>(reflectors.blocks.data());
     const UintV triangle(block.triangle.data() + first, stdx::vector_aligned);
-    const UintV at = (triangle >> 4) * block_floats + (triangle & 15U);
-    const auto load_at = [&](uint32_t field) { return gather(values, at + field * lanes, exists); };
     TriangleLanes<FloatV> t;
     for (uint32_t corner = 0; corner < 3; ++corner) {
-        t.positions[corner] = {load_at(3 * corner), load_at(3 * corner + 1), load_at(3 * corner + 2)};
-        t.normals[corner] = {load_at(3 * corner + 9), load_at(3 * corner + 10), load_at(3 * corner + 11)};
+        const CornerLanes c = gather_corner(reflectors, triangle, UintV(corner), exists);
+        t.positions[corner] = c.position;
+        t.normals[corner] = c.normal;
     }
-    t.max_slope = load_at(19);
+    constexpr auto max_slope = static_cast<uint32_t>(offsetof(TriangleBlock, max_slope) / sizeof(TriangleBlock::Lanes));
+    t.max_slope = gather_field(reflectors, triangle, UintV(max_slope), exists);
     return t;
 }
 

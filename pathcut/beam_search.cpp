@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <optional>
 
 #include "pathcut/skimming.h"
 
@@ -99,10 +98,10 @@ class BeamReflection {
             const IncomingDirections<FloatV> wi = load_directions(block, first);
             std::array<Origins, 3> origins;
             for (size_t corner = 0; corner < 3; ++corner) {
-                const SlopeImage<FloatV> image = slope_image<FloatV>(t, wi, broadcast(to_triple(corners_[corner])));
-                const FloatV error = image.error + load_lanes<FloatV>(block.error, first);
-                origins[corner] = {image.weight1, image.weight2, error * longest_edge(image) / absolute(image.area),
-                                   image.distance - error};
+                SlopeImage<FloatV> image = slope_image<FloatV>(t, wi, broadcast(to_triple(corners_[corner])));
+                image.error += load_lanes<FloatV>(block.error, first);
+                origins[corner] = {image.weight1, image.weight2, weight_uncertainty(image),
+                                   image.distance - image.error};
             }
             uint32_t lit = wanted & lane_bits(may_light(origins));
             const uint32_t doubtful = lane_bits(is_doubtful(origins));
@@ -332,12 +331,13 @@ class ReceiverSearch {
             const IncomingDirections<FloatV> wi = load_directions(block, first);
             SlopeImage<FloatV> image = slope_image<FloatV>(t, wi, broadcast(to_triple(receiver_)));
             image.error += load_lanes<FloatV>(block.error, first);
+            const FloatV uncertainty = weight_uncertainty(image);
             uint32_t possible = wanted & lane_bits(!slopes_too_large<FloatV>(t, image, FloatV(0.0F)));
             for (; possible != 0; possible &= possible - 1) {
                 const auto lane = static_cast<size_t>(std::countr_zero(possible));
                 const Vec2 weights = lowest_point(image, lane);
                 Candidate candidate;
-                if (!follow_to_light(block, first + lane, weights, uncertainty(image, lane), candidate.position)) {
+                if (!follow_to_light(block, first + lane, weights, uncertainty[lane], candidate.position)) {
                     continue;
                 }
                 candidate.beam = index * static_cast<uint32_t>(block_size) + static_cast<uint32_t>(first + lane);
@@ -348,18 +348,6 @@ class ReceiverSearch {
                 candidates_.push_back(candidate);
             }
         }
-    }
-
-    static float uncertainty(const SlopeImage<FloatV>& image, size_t lane) {
-        const float area = std::abs(image.area[lane]);
-        const auto& c = image.corners;
-        float longest2 = 0.0F;
-        for (size_t i = 0; i < 3; ++i) {
-            const SlopePoint<FloatV>&a = c[i], &b = c[(i + 1) % 3];
-            const float x = b.x[lane] - a.x[lane], y = b.y[lane] - a.y[lane];
-            longest2 = std::max(longest2, x * x + y * y);
-        }
-        return image.error[lane] * std::sqrt(longest2) / area;
     }
 
     /// Where light that reaches a point of a beam's triangle was reflected before: an affine map from triangle to

@@ -271,11 +271,7 @@ class GroupSearch {
     /// fall. Elsewhere they go on falling behind that edge.
     FloatV::mask_type folds_at_edges(size_t first_triangle, const SlopeImage<FloatV>& image,
                                      const Triple<FloatV>& receiver) const {
-        static_assert(sizeof(TriangleBlock) % sizeof(float) == 0);
-        const auto* values = reinterpret_cast<const float*>(reflectors_.blocks.data());
         const uint32_t* twins = reflectors_.twins.data()->data() + 3 * first_triangle;
-        constexpr auto block_floats = static_cast<uint32_t>(sizeof(TriangleBlock) / sizeof(float));
-        constexpr auto corner_floats = static_cast<uint32_t>(3 * block_size);
         const auto exists = first_lanes(reflectors_.size() - first_triangle);
         FloatV::mask_type folds(false);
         for (uint32_t edge = 0; edge < 3; ++edge) {
@@ -286,16 +282,10 @@ class GroupSearch {
             const UintV triangle = twin >> 2, corner_of_edge = twin & 3U;
             UintV corner = corner_of_edge + 2U;
             stdx::where(corner >= 3U, corner) = corner - 3U;
-            const UintV at = (triangle >> 4) * block_floats + corner * corner_floats + (triangle & 15U);
-            const auto load_triple = [&](uint32_t offset) {
-                return Triple<FloatV>{gather(values, at + offset, has_twin),
-                                      gather(values, at + (offset + static_cast<uint32_t>(block_size)), has_twin),
-                                      gather(values, at + (offset + 2 * static_cast<uint32_t>(block_size)), has_twin)};
-            };
-            const Triple<FloatV> position = load_triple(0), normal = load_triple(3 * corner_floats);
+            const CornerLanes third = gather_corner(reflectors_, triangle, corner, has_twin);
+            const Triple<FloatV> wi = direction_to<FloatV>(light(), third.position);
             const SlopePoint<FloatV> apex =
-                slope_at<FloatV>(position, normal, image.frame, receiver, direction_to<FloatV>(light(), position))
-                    .slope;
+                slope_at<FloatV>(third.position, third.normal, image.frame, receiver, wi).slope;
             const auto is_lowest = image.edge_distances[edge] <= image.distance + image.error;
             folds |= is_lowest && (!has_twin || may_fold<FloatV>(image, area_across<FloatV>(image, edge, apex)));
         }

@@ -14,8 +14,6 @@ namespace nephroid {
 
 namespace {
 
-constexpr double smallest_alpha = 1e-4;  // Below, a surface is a perfect mirror; a lobe of this width stands for it.
-
 bool is_finite(const ReflectorTriangle& t) {
     const Vec3 sum = t.positions[0] + t.positions[1] + t.positions[2] + t.normals[0] + t.normals[1] + t.normals[2];
     return std::isfinite(sum.x + sum.y + sum.z);

@@ -3,12 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pathcut/acceptance.h"
+
 namespace nephroid {
 
 namespace {
 
 constexpr int max_unknowns = 2 * max_chain_length;
-constexpr double smallest_alpha = 1e-4;
 constexpr double first_damping = 1e-4;  // Relative to the mean diagonal; below it, steps are undamped.
 constexpr double last_damping = 1e8;
 constexpr double longest_step = 2.0;     // In sizes of a patch: interpolated normals mean little further out.

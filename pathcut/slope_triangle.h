@@ -6,6 +6,8 @@
 // allowed for twice over. Not conservative in theory, therefore; no miss in the tests against brute force.
 #pragma once
 
+#include <cstddef>
+
 #include "core/frame.h"
 #include "pathcut/cut_test.h"
 #include "pathcut/reflector_tree.h"
@@ -30,6 +32,33 @@ inline TriangleLanes<FloatV> load(const TriangleBlock& block, size_t first) {
     }
     lanes.max_slope = load_lanes<FloatV>(block.max_slope, first);
     return lanes;
+}
+
+/// Field `field` of TriangleBlock, counted in lanes, of triangle `triangle` of each lane that exists; zero elsewhere.
+inline FloatV gather_field(const ReflectorTree& reflectors, const UintV& triangle, const UintV& field,
+                           const FloatV::mask_type& exists) {
+    constexpr auto lanes = static_cast<uint32_t>(block_size);
+    constexpr auto block_floats = static_cast<uint32_t>(sizeof(TriangleBlock) / sizeof(float));
+    static_assert(sizeof(TriangleBlock) == block_floats * sizeof(float));
+    const auto* values = reinterpret_cast<const float*>(reflectors.blocks.data());
+    return gather(values, (triangle >> 4) * block_floats + field * lanes + (triangle & 15U), exists);
+}
+
+/// A corner of a triangle, in each lane another.
+struct CornerLanes {
+    Triple<FloatV> position, normal;
+};
+
+inline CornerLanes gather_corner(const ReflectorTree& reflectors, const UintV& triangle, const UintV& corner,
+                                 const FloatV::mask_type& exists) {
+    constexpr auto first_normal =
+        static_cast<uint32_t>(offsetof(TriangleBlock, normals) / sizeof(TriangleBlock::Lanes));
+    const auto gather_triple = [&](const UintV& first) {
+        return Triple<FloatV>{gather_field(reflectors, triangle, first, exists),
+                              gather_field(reflectors, triangle, first + 1U, exists),
+                              gather_field(reflectors, triangle, first + 2U, exists)};
+    };
+    return {gather_triple(corner * 3U), gather_triple(corner * 3U + first_normal)};
 }
 
 /// A point of slope space.
@@ -160,6 +189,12 @@ F longest_edge(const SlopeImage<F>& image) {
     const auto& c = image.corners;
     return square_root(
         maximum(squared_length(c[1] - c[0]), maximum(squared_length(c[2] - c[1]), squared_length(c[0] - c[2]))));
+}
+
+/// By how much the barycentric coordinates where slopes vanish may be off, for all that the image's error says.
+template <class F>
+F weight_uncertainty(const SlopeImage<F>& image) {
+    return image.error * longest_edge(image) / absolute(image.area);
 }
 
 /// Whether a triangle of that signed area in slope space may have the other orientation, for all that linearity

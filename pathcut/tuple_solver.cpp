@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pathcut/acceptance.h"
 #include "pathcut/cut_test.h"
 
 namespace nephroid {
@@ -32,7 +33,7 @@ Vec2d locate(const SurfacePatch& patch, const Vec3d& point) {
 Vec2d half_gradient(const SpecularChain& chain, const ChainEvaluation& evaluation, size_t i) {
     const ChainJacobian blocks = jacobian(chain, evaluation);
     const auto weighted = [&](size_t j) {
-        const double alpha = std::max(chain.vertices[j].alpha, 1e-4);
+        const double alpha = std::max(chain.vertices[j].alpha, smallest_alpha);
         return evaluation.constraints[j].slope / (alpha * alpha);
     };
     Vec2d gradient = weighted(i) * blocks.by_own[i];  // vector * matrix: the product with the transposed matrix.
