@@ -3,7 +3,9 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "accel/accelerator.h"
@@ -39,11 +41,19 @@ class IntegratorWorker {
     virtual uint64_t rays() const = 0;
 };
 
+/// What an integrator reports of its own, as a group of the statistics.
+struct IntegratorStatistics {
+    std::string group;
+    std::vector<std::pair<std::string, uint64_t>> counts;
+    std::vector<std::pair<std::string, double>> measures;
+};
+
 class Integrator {
   public:
     virtual ~Integrator() = default;
     virtual std::string name() const = 0;
     virtual std::unique_ptr<IntegratorWorker> make_worker() const = 0;
+    virtual std::optional<IntegratorStatistics> statistics() const { return std::nullopt; }
 };
 
 }  // namespace nephroid

@@ -109,7 +109,7 @@ class CommandLine(unittest.TestCase):
             (["--crop", "1,2,3", "-i", "path", scene], "--crop"),
             (["--crop", "50,0,40,10", "-i", "path", "--size", "64x48", scene], "--crop"),
             (["-i", "nonsense", scene], "nonsense"),
-            (["-i", "guided", scene], "not in this version"),
+            (["-i", "bdpt", scene], "not in this version"),
             (["--aov", "beauty", scene], "beauty"),
             (["--time", "-3", scene], "--time"),
             (["--resume", "-i", "path", scene], "--checkpoint"),

@@ -19,6 +19,7 @@
 #include "core/image_write.h"
 #include "core/scene_fingerprint.h"
 #include "integrators/driver.h"
+#include "integrators/guided/guided_integrator.h"
 #include "integrators/path/path_integrator.h"
 #include "pathcut/densify.h"
 
@@ -138,7 +139,25 @@ void print_warnings(Warnings& warnings) {
     warnings.clear();
 }
 
-std::unique_ptr<Integrator> make_integrator(const RenderContext& context) {
+GuidedSettings guided_settings(const Parameters& parameters) {
+    GuidedSettings settings;
+    settings.cached_points = static_cast<uint32_t>(number_of(parameters, "cached_points"));
+    settings.bounces = static_cast<int>(number_of(parameters, "bounces"));
+    settings.epsilon = number_of(parameters, "epsilon");
+    settings.merge_distance = number_of(parameters, "merge_distance");
+    settings.newton = parameters.at("newton") == "on";
+    settings.selection = parameters.at("selection") == "minima" ? Selection::local_minima : Selection::every_triangle;
+    settings.mixture.warp = parameters.at("warp") == "mirror" ? SgWarp::mirror : SgWarp::none;
+    settings.guide_fraction = static_cast<float>(number_of(parameters, "guide_fraction"));
+    return settings;
+}
+
+std::unique_ptr<Integrator> make_integrator(const std::string& name, const Parameters& parameters,
+                                            const RenderContext& context, const CasterReport& casters,
+                                            const GuidedView& view) {
+    if (name == "guided") {
+        return std::make_unique<GuidedIntegrator>(context, casters, view, guided_settings(parameters));
+    }
     return std::make_unique<PathIntegrator>(context);
 }
 
@@ -200,7 +219,10 @@ ExitCode render(const Options& options, Clock::time_point process_start) {
                                 options.seed,
                                 parameters.at("sampler") == "sobol" ? SamplerKind::sobol : SamplerKind::independent,
                                 options.aovs};
-    const std::unique_ptr<Integrator> integrator = make_integrator(context);
+    const Clock::time_point precompute_start = Clock::now();
+    const std::unique_ptr<Integrator> integrator =
+        make_integrator(options.integrator, parameters, context, casters, {size.width, size.height, crop});
+    const double precompute_seconds = seconds_since(precompute_start);
     Film film(size.width, size.height, crop, options.aovs, options.noise.has_value());
     const RenderResult result = run_render(*integrator, film, settings, progress);
     if (film.nonfinite_samples() > 0) {
@@ -208,7 +230,8 @@ ExitCode render(const Options& options, Clock::time_point process_start) {
                      static_cast<unsigned long long>(film.nonfinite_samples()));
     }
 
-    RenderReport report{options, parameters, result, film, load_seconds, build_seconds, 0.0, 0.0, process_start};
+    RenderReport report{options,       parameters,         result, film,          load_seconds,
+                        build_seconds, precompute_seconds, 0.0,    process_start, integrator->statistics()};
     const Clock::time_point write_start = Clock::now();
     write_outputs(report, outputs);
     report.write_seconds = seconds_since(write_start);

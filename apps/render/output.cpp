@@ -101,6 +101,11 @@ void write_statistics(const RenderReport& report, const std::string& path) {
     if (!report.result.passes.empty() && report.result.passes.back().error) {
         json["error"] = error_json(*report.result.passes.back().error);
     }
+    if (report.integrator_statistics) {
+        nlohmann::json& group = json[report.integrator_statistics->group];
+        for (const auto& [name, count] : report.integrator_statistics->counts) group[name] = count;
+        for (const auto& [name, measure] : report.integrator_statistics->measures) group[name] = measure;
+    }
     const std::string temporary = temporary_path(path);
     std::ofstream file(temporary);
     file << json.dump(2) << "\n";

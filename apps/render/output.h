@@ -1,6 +1,7 @@
 // Results to files: pictures and statistics.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,7 @@ struct RenderReport {
     double precompute_seconds = 0.0;
     double write_seconds = 0.0;
     std::chrono::steady_clock::time_point process_start;
+    std::optional<IntegratorStatistics> integrator_statistics;
 };
 
 /// Writes every output of the options. Throws Error(output_failed).

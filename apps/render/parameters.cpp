@@ -1,6 +1,8 @@
 #include "apps/render/parameters.h"
 
 #include <algorithm>
+#include <charconv>
+#include <cmath>
 #include <cstdio>
 
 #include "core/error.h"
@@ -9,22 +11,105 @@ namespace nephroid {
 
 namespace {
 
+ParameterDescription sampler_parameter() {
+    return {"sampler",
+            "sobol|independent",
+            "sobol",
+            "sample points: stratified (less noise) or independent (for statistics that assume independence)",
+            {"sobol", "independent"},
+            {}};
+}
+
+std::vector<ParameterDescription> guided_parameters() {
+    return {
+        {"preset",
+         "default|paper",
+         "default",
+         "paper: Li et al. 2022 exactly; other parameters may still be set",
+         {"default", "paper"},
+         {}},
+        {"warp",
+         "mirror|none",
+         "mirror",
+         "how lobes are moved from the cached to the shading point: by the mirror equation, or not at all (no faster "
+         "worth mentioning, and noisier)",
+         {"mirror", "none"},
+         {}},
+        {"newton",
+         "on|off",
+         "on",
+         "on: specular points by Newton's method; off: triangles' centres (noisier; the paper's Fig. 13)",
+         {"on", "off"},
+         {}},
+        {"selection",
+         "minima|triangles",
+         "minima",
+         "which paths become lobes: one for each exact solution and local minimum of the slope, or one for each "
+         "accepted triangle (the paper; many more lobes, slower samples)",
+         {"minima", "triangles"},
+         {}},
+        {"bounces",
+         "1..4",
+         "2",
+         "reflections of the longest guided paths: more find more light and take longer before "
+         "rendering starts",
+         {},
+         NumberRange{1.0, 4.0, true}},
+        {"epsilon",
+         "0..1",
+         "0.01",
+         "where a glossy lobe ends to count (Eq. 1): smaller keeps more of its tail, and more lobes",
+         {},
+         NumberRange{1e-12, 1.0, false}},
+        {"guide_fraction",
+         "0..0.99",
+         "0.5",
+         "probability of the guide against the BSDF: higher is less noise in caustics and more elsewhere",
+         {},
+         NumberRange{0.0, 0.99, false}},
+        {"merge_distance",
+         "0..100",
+         "0.1",
+         "paths closer than this, in triangle edges, share a lobe: higher is fewer lobes",
+         {},
+         NumberRange{0.0, 100.0, false}},
+        {"cached_points",
+         "1..10000000",
+         "10000",
+         "about so many points of the picture get a mixture: more is less noise per sample and a later start",
+         {},
+         NumberRange{1.0, 1e7, true}},
+        sampler_parameter(),
+    };
+}
+
 const std::map<std::string, std::vector<ParameterDescription>>& table() {
     static const std::map<std::string, std::vector<ParameterDescription>> parameters = {
-        {"path",
-         {{"sampler",
-           "sobol|independent",
-           "sobol",
-           "sample points: stratified (less noise) or independent (for statistics that assume independence)",
-           {"sobol", "independent"}}}},
+        {"path", {sampler_parameter()}},
+        {"guided", guided_parameters()},
     };
     return parameters;
 }
 
-std::string joined(const std::vector<std::string>& words) {
-    std::string text;
-    for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-    return text;
+/// What a preset sets, where that is not the default.
+const std::map<std::string, Parameters>& presets() {
+    static const std::map<std::string, Parameters> values = {
+        {"default", {}},
+        {"paper", {{"selection", "triangles"}}},
+    };
+    return values;
+}
+
+bool is_allowed(const ParameterDescription& description, const std::string& value) {
+    const auto& choices = description.choices;
+    if (std::find(choices.begin(), choices.end(), value) != choices.end()) return true;
+    if (!description.range) return false;
+    double number = 0.0;
+    const char* end = value.data() + value.size();
+    const auto [rest, error] = std::from_chars(value.data(), end, number);
+    const NumberRange& range = *description.range;
+    return error == std::errc() && rest == end && number >= range.least && number <= range.most &&
+           (!range.integer || number == std::floor(number));
 }
 
 }  // namespace
@@ -34,7 +119,7 @@ bool is_integrator(const std::string& name) {
 }
 
 bool is_planned_integrator(const std::string& name) {
-    static const std::vector<std::string> planned = {"bdpt", "ppg", "guided", "sms", "snee"};
+    static const std::vector<std::string> planned = {"bdpt", "ppg", "sms", "snee"};
     return std::find(planned.begin(), planned.end(), name) != planned.end();
 }
 
@@ -44,27 +129,35 @@ const std::vector<ParameterDescription>& parameters_of(const std::string& integr
 
 Parameters resolve_parameters(const std::string& integrator, const std::vector<std::string>& assignments) {
     const auto& descriptions = parameters_of(integrator);
-    Parameters parameters;
-    for (const ParameterDescription& description : descriptions)
-        parameters[description.key] = description.default_value;
+    Parameters assigned;
     for (const std::string& assignment : assignments) {
         const size_t equals = assignment.find('=');
         const std::string element = "--set " + assignment + ": ";
         if (equals == std::string::npos) throw Error(ExitCode::usage, element + "has no '='; write key=value");
         const std::string key = assignment.substr(0, equals);
-        const std::string value = assignment.substr(equals + 1);
         const auto description = std::find_if(descriptions.begin(), descriptions.end(),
                                               [&](const ParameterDescription& d) { return d.key == key; });
         if (description == descriptions.end()) {
             throw Error(ExitCode::usage, element + "integrator " + integrator + " has no parameter '" + key +
                                              "'; see --list-parameters");
         }
-        if (std::find(description->choices.begin(), description->choices.end(), value) == description->choices.end()) {
-            throw Error(ExitCode::usage, element + "unknown value; use one of " + joined(description->choices));
+        assigned[key] = assignment.substr(equals + 1);
+        if (!is_allowed(*description, assigned[key])) {
+            throw Error(ExitCode::usage, element + "not an allowed value; use " + description->values);
         }
-        parameters[key] = value;
     }
+    Parameters parameters;
+    for (const ParameterDescription& description : descriptions)
+        parameters[description.key] = description.default_value;
+    if (assigned.contains("preset")) {
+        for (const auto& [key, value] : presets().at(assigned["preset"])) parameters[key] = value;
+    }
+    for (const auto& [key, value] : assigned) parameters[key] = value;
     return parameters;
+}
+
+double number_of(const Parameters& parameters, const std::string& key) {
+    return std::stod(parameters.at(key));
 }
 
 void print_parameters() {

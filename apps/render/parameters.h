@@ -2,17 +2,26 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 namespace nephroid {
+
+/// Numbers that a parameter may be.
+struct NumberRange {
+    double least = 0.0;
+    double most = 0.0;
+    bool integer = false;
+};
 
 struct ParameterDescription {
     std::string key;
     std::string values;  ///< Allowed values, for people.
     std::string default_value;
     std::string meaning;               ///< What it does and what it trades.
-    std::vector<std::string> choices;  ///< All allowed values.
+    std::vector<std::string> choices;  ///< All allowed values that are words.
+    std::optional<NumberRange> range;  ///< All allowed values that are numbers.
 };
 
 /// Key -> value, every key present.
@@ -24,9 +33,13 @@ bool is_planned_integrator(const std::string& name);
 
 const std::vector<ParameterDescription>& parameters_of(const std::string& integrator);
 
-/// Defaults overridden by assignments "key=value". Throws Error(usage) for unknown keys and values.
+/// Defaults, overridden by those of an assigned preset, overridden by the other assignments "key=value", whatever their
+/// order. Throws Error(usage) for unknown keys and values.
 Parameters resolve_parameters(const std::string& integrator, const std::vector<std::string>& assignments);
 
 void print_parameters();
+
+/// A parameter whose description has a range, as a number.
+double number_of(const Parameters& parameters, const std::string& key);
 
 }  // namespace nephroid

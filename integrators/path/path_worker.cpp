@@ -11,9 +11,9 @@ namespace nephroid {
 
 namespace {
 
-// Dimension pairs of a sample: the film, then four per scattering.
+// Dimension pairs of a sample: the film, then five per scattering.
 constexpr uint32_t film_dimension = 0;
-enum VertexDimension : uint32_t { lobe_and_roulette, bsdf_direction, light_point, light_choice, per_vertex };
+enum VertexDimension : uint32_t { lobe_and_roulette, direction, light_point, light_choice, guide_choice, per_vertex };
 
 constexpr uint32_t dimension_of(uint32_t bounce, VertexDimension dimension) {
     return 1 + bounce * per_vertex + dimension;
@@ -41,13 +41,20 @@ void append_rays(RayBatch& rays, const Triple<FloatV>& origin, const Triple<Floa
     compress_store(&rays.t_max[rays.count], t_max, kept);
 }
 
+/// Density of directions that the guide chooses with its fraction and the BSDF otherwise.
+FloatV mixed_pdf(const GuideBatch& batch, size_t k, const FloatV& bsdf_pdf, const AlignedArray<float>& guide_pdf) {
+    const FloatV fraction = load(batch.fraction, k);
+    const FloatV guide_share = select(fraction > FloatV(0.0F), fraction * load(guide_pdf, k), FloatV(0.0F));
+    return (FloatV(1.0F) - fraction) * bsdf_pdf + guide_share;
+}
+
 }  // namespace
 
 std::unique_ptr<IntegratorWorker> PathIntegrator::make_worker() const {
-    return std::make_unique<PathWorker>(context_);
+    return std::make_unique<PathWorker>(context_, nullptr);
 }
 
-PathWorker::PathWorker(const RenderContext& context)
+PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* guide)
     : context_(context),
       seeds_(max_slots_per_block),
       indices_(max_slots_per_block),
@@ -55,31 +62,60 @@ PathWorker::PathWorker(const RenderContext& context)
       hits_(max_slots_per_block),
       vertices_(max_slots_per_block),
       lights_(max_slots_per_block),
-      shadows_(max_slots_per_block) {}
+      shadows_(max_slots_per_block) {
+    if (guide == nullptr) return;
+    guide_ = guide->make_worker();
+    guided_.emplace(max_slots_per_block);
+}
 
 void PathWorker::render(const SampleBlock& block, SampleBuffer& samples) {
-    const size_t slots = block.slot_count();
-    clear(samples, slots);
-
+    clear(samples, block.slot_count());
     start_paths(block);
+    trace_paths(samples);
+}
+
+void PathWorker::trace_paths(SampleBuffer& samples) {
     for (uint32_t bounce = 0; paths_.rays.count > 0; ++bounce) {
         trace(bounce);
         collect_vertices(bounce, samples);
         if (bounce == context_.max_depth || vertices_.count == 0) break;
+        // What the last scattering meets is not lit by next event estimation any more: no caustic to guide to.
+        const bool guided = guide_ != nullptr && bounce + 1 < context_.max_depth && !context_.lights.empty();
         if (!context_.lights.empty()) {
             if (const PunctualLight* light = context_.lights.single_delta_light()) {
                 sample_single_light(*light);
             } else {
                 sample_lights(bounce);
             }
-            weigh_lights();
+            if (guided) choose_directions(bounce);
+            weigh_lights(guided);
             push_shadow_rays();
             add_unoccluded(bounce, samples);
         }
         // The last scattering matters only where a light can be hit.
         if (bounce + 1 == context_.max_depth && !context_.lights.has_hittable()) break;
-        scatter(bounce);
+        if (guided) {
+            scatter<true>(bounce);
+        } else {
+            scatter<false>(bounce);
+        }
     }
+}
+
+void PathWorker::incident_radiance(const RayBatch& rays, std::span<const uint32_t> seeds, uint32_t first_index,
+                                   SampleBuffer& samples) {
+    clear(samples, rays.count);
+    paths_.rays.count = 0;
+    for (size_t i = 0; i < rays.count; ++i) {
+        paths_.rays.push(rays.origin(i), rays.direction(i));
+        paths_.throughput.set(i, Vec3(1.0F));
+        paths_.pdf[i] = 0.0F;
+        paths_.slot[i] = static_cast<uint32_t>(i);
+        paths_.flags[i] = receiver_seen;
+        seeds_[i] = seeds[i];
+        indices_[i] = first_index;
+    }
+    trace_paths(samples);
 }
 
 void PathWorker::clear(SampleBuffer& samples, size_t slots) const {
@@ -339,9 +375,54 @@ NEPHROID_FLATTEN void PathWorker::sample_single_light(const PunctualLight& light
     }
 }
 
-// radiance <- throughput * f * cos * radiance * MIS weight / pdf.
-NEPHROID_FLATTEN void PathWorker::weigh_lights() {
+// BSDF's directions, replaced by the guide's where it takes over.
+NEPHROID_FLATTEN void PathWorker::choose_directions(uint32_t bounce) {
+    GuidedWave& wave = *guided_;
+    GuideBatch& batch = wave.batch;
+    batch.count = vertices_.count;
+    batch.wants_light_pdf = context_.lights.has_hittable();
+    for (size_t k = 0; k < vertices_.count; k += simd_width) {
+        const UintV slot(&vertices_.slot[k], stdx::vector_aligned);
+        const auto active = first_lanes(vertices_.count - k);
+        const UintV seed = gather(seeds_.data(), slot, active);
+        const UintV index = gather(indices_.data(), slot, active);
+        const FloatV u_lobe = sample_2d(context_.sampler, seed, index, dimension_of(bounce, lobe_and_roulette)).first;
+        const auto [u, v] = sample_2d(context_.sampler, seed, index, dimension_of(bounce, direction));
+        const Frame<FloatV> frame = make_frame(vertices_.shading_normal.load(k));
+        const BsdfParameters<FloatV> bsdf = vertices_.bsdf(k);
+        const BsdfSample<FloatV> sample = sample_bsdf(bsdf, frame.to_local(vertices_.wo.load(k)), u_lobe, u, v);
+        batch.direction.store(k, frame.to_world(sample.wi));
+        wave.delta_weight.store(k, sample.weight);
+        select(sample.delta, FloatV(1.0F), FloatV(0.0F)).copy_to(&wave.delta[k], stdx::vector_aligned);
+        const auto mirror = (bsdf.alpha < FloatV(delta_alpha)) && (bsdf.metallic >= FloatV(1.0F));
+        select(mirror, FloatV(0.0F), FloatV(1.0F)).copy_to(&batch.fraction[k], stdx::vector_aligned);
+        sample_1d(context_.sampler, seed, index, dimension_of(bounce, guide_choice))
+            .copy_to(&batch.u_choice[k], stdx::vector_aligned);
+        u.copy_to(&batch.u[k], stdx::vector_aligned);
+        v.copy_to(&batch.v[k], stdx::vector_aligned);
+    }
+    guide_->guide({vertices_.position, vertices_.geometric_normal, lights_.wi}, batch);
+}
+
+// The direction that BSDF or guide chose, weighted by the density of both together.
+NEPHROID_FLATTEN BsdfSample<FloatV> PathWorker::guided_sample(size_t k, const Frame<FloatV>& frame) const {
+    const GuideBatch& batch = guided_->batch;
     const FloatV zero(0.0F);
+    const FloatV fraction = load(batch.fraction, k);
+    const Triple<FloatV> wi = frame.to_local(batch.direction.load(k));
+    const BsdfEvaluation<FloatV> bsdf = evaluate_bsdf(vertices_.bsdf(k), frame.to_local(vertices_.wo.load(k)), wi);
+    const FloatV pdf = mixed_pdf(batch, k, bsdf.pdf, batch.pdf);
+    const auto delta = (load(guided_->delta, k) > zero) && (load(batch.guided, k) == zero);
+    const FloatV inverse_pdf = select(pdf > zero, FloatV(1.0F) / pdf, zero);
+    const Triple<FloatV> weight = select<FloatV>(
+        delta, guided_->delta_weight.load(k) * (FloatV(1.0F) / (FloatV(1.0F) - fraction)), bsdf.value * inverse_pdf);
+    return {wi, weight, pdf, delta};
+}
+
+// radiance <- throughput * f * cos * radiance * MIS weight / pdf.
+NEPHROID_FLATTEN void PathWorker::weigh_lights(bool guided) {
+    const FloatV zero(0.0F);
+    const bool guide_competes = guided && context_.lights.has_hittable();
     for (size_t i = 0; i < vertices_.count; i += simd_width) {
         const Frame<FloatV> frame = make_frame(vertices_.shading_normal.load(i));
         const Triple<FloatV> wi = lights_.wi.load(i);
@@ -350,7 +431,9 @@ NEPHROID_FLATTEN void PathWorker::weigh_lights() {
         const FloatV pdf = load(lights_.pdf, i);
         // The geometric half space decides what is lit: a shading normal alone would let light leak through.
         const auto lit = (dot(vertices_.geometric_normal.load(i), wi) > zero) && (pdf > zero);
-        const FloatV weight = power_heuristic(pdf, bsdf.pdf * load(lights_.bsdf_competes, i)) / pdf;
+        FloatV direction_pdf = bsdf.pdf;
+        if (guide_competes) direction_pdf = mixed_pdf(guided_->batch, i, bsdf.pdf, guided_->batch.light_pdf);
+        const FloatV weight = power_heuristic(pdf, direction_pdf * load(lights_.bsdf_competes, i)) / pdf;
         const Triple<FloatV> contribution =
             vertices_.throughput.load(i) * bsdf.value * lights_.radiance.load(i) * weight;
         lights_.radiance.store(i, select<FloatV>(lit, contribution, {zero, zero, zero}));
@@ -395,7 +478,8 @@ void PathWorker::add_unoccluded(uint32_t bounce, SampleBuffer& samples) {
     }
 }
 
-// Samples the BSDF at every vertex; the survivors become the next wave.
+// Samples a direction at every vertex; the survivors become the next wave.
+template <bool guided>
 NEPHROID_FLATTEN void PathWorker::scatter(uint32_t bounce) {
     const FloatV zero(0.0F);
     const FloatV infinity(std::numeric_limits<float>::infinity());
@@ -408,11 +492,15 @@ NEPHROID_FLATTEN void PathWorker::scatter(uint32_t bounce) {
         const UintV index = gather(indices_.data(), slot, active);
         const auto [u_lobe, u_roulette] =
             sample_2d(context_.sampler, seed, index, dimension_of(bounce, lobe_and_roulette));
-        const auto [u, v] = sample_2d(context_.sampler, seed, index, dimension_of(bounce, bsdf_direction));
+        const auto [u, v] = sample_2d(context_.sampler, seed, index, dimension_of(bounce, direction));
         const Frame<FloatV> frame = make_frame(vertices_.shading_normal.load(k));
-        const BsdfSample<FloatV> sample =
-            sample_bsdf(vertices_.bsdf(k), frame.to_local(vertices_.wo.load(k)), u_lobe, u, v);
-        const Triple<FloatV> wi = frame.to_world(sample.wi);
+        BsdfSample<FloatV> sample;
+        if constexpr (guided) {
+            sample = guided_sample(k, frame);
+        } else {
+            sample = sample_bsdf(vertices_.bsdf(k), frame.to_local(vertices_.wo.load(k)), u_lobe, u, v);
+        }
+        const Triple<FloatV> wi = guided ? guided_->batch.direction.load(k) : frame.to_world(sample.wi);
         Triple<FloatV> weight = vertices_.throughput.load(k) * sample.weight;
         const FloatV survival = bounce + 1 > roulette_start
                                     ? minimum(FloatV(1.0F), maximum(FloatV(0.05F), max_component(weight)))

@@ -1,6 +1,10 @@
 // One thread's path tracer.
 #pragma once
 
+#include <optional>
+#include <span>
+
+#include "guiding/directional_guide.h"
 #include "integrators/integrator.h"
 #include "integrators/path/wave.h"
 
@@ -8,13 +12,20 @@ namespace nephroid {
 
 class PathWorker final : public IntegratorWorker {
   public:
-    explicit PathWorker(const RenderContext& context);
+    /// `guide` may be null: directions then come from the BSDF alone.
+    PathWorker(const RenderContext& context, const DirectionalGuide* guide);
     void render(const SampleBlock& block, SampleBuffer& samples) override;
+    /// Radiance that arrives at the rays' origins against their directions, in slots 0 .. count - 1 of `samples`; at
+    /// most max_slots_per_block rays of unit direction. `first_index` numbers the samples of all rays alike; rays of
+    /// different `seeds` are independent.
+    void incident_radiance(const RayBatch& rays, std::span<const uint32_t> seeds, uint32_t first_index,
+                           SampleBuffer& samples);
     uint64_t rays() const override { return rays_; }
 
   private:
     void clear(SampleBuffer& samples, size_t slots) const;
     void start_paths(const SampleBlock& block);
+    void trace_paths(SampleBuffer& samples);
     void trace(uint32_t bounce);
     void collect_vertices(uint32_t bounce, SampleBuffer& samples);
     void add_escaped(size_t path, SampleBuffer& samples);
@@ -27,10 +38,13 @@ class PathWorker final : public IntegratorWorker {
     void record_first_hits(SampleBuffer& samples) const;
     void sample_lights(uint32_t bounce);
     void sample_single_light(const PunctualLight& light);
-    void weigh_lights();
+    void choose_directions(uint32_t bounce);
+    void weigh_lights(bool guided);
     void push_shadow_rays();
     void add_unoccluded(uint32_t bounce, SampleBuffer& samples);
+    template <bool guided>
     void scatter(uint32_t bounce);
+    BsdfSample<FloatV> guided_sample(size_t k, const Frame<FloatV>& frame) const;
 
     const RenderContext& context_;
     uint64_t rays_ = 0;
@@ -45,6 +59,8 @@ class PathWorker final : public IntegratorWorker {
         special_paths_;  ///< Paths that hit a light or a surface that is not plain (Surfaces::is_plain).
     LightWave lights_;
     ShadowWave shadows_;
+    std::unique_ptr<GuideWorker> guide_;  ///< Null: not guided.
+    std::optional<GuidedWave> guided_;
 };
 
 }  // namespace nephroid

@@ -1,0 +1,135 @@
+#include "guiding/cached_points.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "core/simd.h"
+
+namespace nephroid {
+
+namespace {
+
+constexpr size_t points_per_cell = 6;  // The rest of a block are neighbours.
+
+struct Box {
+    Vec3 low{std::numeric_limits<float>::infinity()};
+    Vec3 high{-std::numeric_limits<float>::infinity()};
+
+    void extend(const Vec3& p) {
+        low = glm::min(low, p);
+        high = glm::max(high, p);
+    }
+    float squared_distance(const Vec3& p) const {
+        const Vec3 outside = glm::max(glm::max(low - p, p - high), Vec3(0.0F));
+        return glm::dot(outside, outside);
+    }
+};
+
+Box box_of(const std::vector<CachedPoint>& points, std::span<const uint32_t> indices) {
+    Box box;
+    for (const uint32_t i : indices) box.extend(points[i].position);
+    return box;
+}
+
+/// The `count` candidates nearest to the box, in no particular order.
+std::vector<uint32_t> nearest_candidates(const std::vector<CachedPoint>& points, const Box& box,
+                                         std::span<const uint32_t> candidates, size_t count) {
+    std::vector<std::pair<float, uint32_t>> ranked;
+    ranked.reserve(candidates.size());
+    for (const uint32_t i : candidates) ranked.emplace_back(box.squared_distance(points[i].position), i);
+    if (count < ranked.size()) {
+        std::nth_element(ranked.begin(), ranked.begin() + static_cast<std::ptrdiff_t>(count), ranked.end());
+        ranked.resize(count);
+    }
+    std::vector<uint32_t> nearest;
+    nearest.reserve(ranked.size());
+    for (const auto& [distance, index] : ranked) nearest.push_back(index);
+    return nearest;
+}
+
+int longest_axis(const Vec3& extent) {
+    if (extent.x >= extent.y) return extent.x >= extent.z ? 0 : 2;
+    return extent.y >= extent.z ? 1 : 2;
+}
+
+}  // namespace
+
+CachedPointLookup::CachedPointLookup(const std::vector<CachedPoint>& points) {
+    if (points.empty()) return;
+    std::vector<uint32_t> order(points.size());
+    std::iota(order.begin(), order.end(), 0U);
+    const std::vector<uint32_t> all = order;
+    nodes_.emplace_back();
+    build(points, order, all, 0);
+}
+
+void CachedPointLookup::build(const std::vector<CachedPoint>& points, std::span<uint32_t> own,
+                              std::span<const uint32_t> candidates, size_t node) {
+    const Box box = box_of(points, own);
+    const int axis = longest_axis(box.high - box.low);
+    const float middle = 0.5F * (box.low[axis] + box.high[axis]);
+    // Not where rounding leaves nothing between the ends.
+    const bool is_cell = own.size() <= points_per_cell || !(box.low[axis] < middle && middle < box.high[axis]);
+    // Enough neighbours for the cells below: their number falls with the node's own.
+    const size_t wanted = is_cell ? block_size : std::max<size_t>(4 * own.size(), 4 * block_size);
+    const std::vector<uint32_t> near = nearest_candidates(points, box, candidates, wanted);
+    if (is_cell) {
+        nodes_[node] = {0.0F, -1, static_cast<uint32_t>(blocks_.size())};
+        blocks_.push_back(make_block(points, near));
+        return;
+    }
+    const auto second =
+        std::partition(own.begin(), own.end(), [&](uint32_t i) { return points[i].position[axis] < middle; });
+    const auto first_count = static_cast<size_t>(second - own.begin());
+    const auto child = static_cast<uint32_t>(nodes_.size());
+    nodes_[node] = {middle, axis, child};
+    nodes_.resize(nodes_.size() + 2);
+    build(points, own.first(first_count), near, child);
+    build(points, own.subspan(first_count), near, child + 1);
+}
+
+CachedPointLookup::Block CachedPointLookup::make_block(const std::vector<CachedPoint>& points,
+                                                       const std::vector<uint32_t>& indices) {
+    Block block;
+    for (size_t lane = 0; lane < indices.size(); ++lane) {
+        const CachedPoint& point = points[indices[lane]];
+        for (size_t c = 0; c < 3; ++c) {
+            block.position[c][lane] = point.position[static_cast<int>(c)];
+            block.normal[c][lane] = point.normal[static_cast<int>(c)];
+        }
+        block.squared_reach[lane] = point.reach * point.reach;
+        block.index[lane] = indices[lane];
+    }
+    return block;
+}
+
+uint32_t CachedPointLookup::find(const Vec3& position, const Vec3& normal) const {
+    if (nodes_.empty()) return no_cached_point;
+    const Node* node = nodes_.data();
+    while (node->axis >= 0) node = &nodes_[node->child + (position[node->axis] < node->at ? 0 : 1)];
+    const Block& block = blocks_[node->child];
+    float nearest = std::numeric_limits<float>::infinity();
+    uint32_t found = no_cached_point;
+    for (size_t i = 0; i < block_size; i += simd_width) {
+        const auto load = [i](const Lanes& lanes) { return FloatV(&lanes[i], stdx::vector_aligned); };
+        const FloatV dx = load(block.position[0]) - FloatV(position.x);
+        const FloatV dy = load(block.position[1]) - FloatV(position.y);
+        const FloatV dz = load(block.position[2]) - FloatV(position.z);
+        const FloatV distance = dx * dx + dy * dy + dz * dz;
+        const FloatV cosine = load(block.normal[0]) * FloatV(normal.x) + load(block.normal[1]) * FloatV(normal.y) +
+                              load(block.normal[2]) * FloatV(normal.z);
+        const auto usable = (distance <= load(block.squared_reach)) && (cosine > FloatV(similar_normal_cosine));
+        if (stdx::none_of(usable)) continue;
+        const float least = stdx::hmin(stdx::where(usable, distance));
+        if (!(least < nearest)) continue;
+        nearest = least;
+        found = block.index[i + static_cast<size_t>(stdx::find_first_set(usable && (distance == FloatV(least))))];
+    }
+    return found;
+}
+
+size_t CachedPointLookup::bytes() const {
+    return nodes_.size() * sizeof(Node) + blocks_.size() * sizeof(Block);
+}
+
+}  // namespace nephroid

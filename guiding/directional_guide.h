@@ -1,0 +1,65 @@
+// What a path tracer asks of a guide: at every vertex of a wave, a mixture of directions to sample from besides the
+// BSDF. The guided integrator's lobes and PPG's trees both answer to this interface.
+//
+// The estimator is unbiased whatever the mixtures are, as long as `pdf` and `light_pdf` are the density of what
+// `sample` draws at the same point. Virtual per wave, not per ray.
+#pragma once
+
+#include <memory>
+
+#include "accel/wave_array.h"
+
+namespace nephroid {
+
+/// A wave of vertices and what the guide decides for them. Arrays of `count` entries, world space; those by reference
+/// belong to the caller.
+struct GuideBatch {
+    explicit GuideBatch(size_t capacity)
+        : u_choice(capacity),
+          u(capacity),
+          v(capacity),
+          direction(capacity),
+          fraction(capacity),
+          pdf(capacity),
+          light_pdf(capacity),
+          guided(capacity) {}
+
+    size_t count = 0;
+    bool wants_light_pdf = false;  ///< Otherwise light_direction is not read and light_pdf not written.
+
+    // Given.
+    PathArray<float> u_choice, u, v;  ///< Random numbers in [0, 1): guide or BSDF and which lobe; the direction.
+
+    // Given and changed.
+    TripleArray direction;  ///< As the BSDF's sampling has it; replaced where the guide takes over. Unit.
+
+    PathArray<float> fraction;  ///< Given zero: no guide is wanted here. Then the probability with which the guide
+                                ///< chooses the direction; zero where it knows nothing.
+
+    // Answered, where fraction > 0.
+    PathArray<float> pdf;        ///< The mixture's density of `direction`, per solid angle.
+    PathArray<float> light_pdf;  ///< The same of light_direction.
+    PathArray<float> guided;     ///< 1: the direction is the guide's; also where fraction is zero.
+};
+
+/// Where the vertices of a batch are.
+struct GuidePoints {
+    const TripleArray& position;
+    const TripleArray& geometric_normal;  ///< Unit, on the side of wo.
+    const TripleArray& light_direction;   ///< Unit; whose density is wanted too, where wants_light_pdf.
+};
+
+/// One thread's state of a guide.
+class GuideWorker {
+  public:
+    virtual ~GuideWorker() = default;
+    virtual void guide(const GuidePoints& points, GuideBatch& batch) = 0;
+};
+
+class DirectionalGuide {
+  public:
+    virtual ~DirectionalGuide() = default;
+    virtual std::unique_ptr<GuideWorker> make_worker() const = 0;
+};
+
+}  // namespace nephroid

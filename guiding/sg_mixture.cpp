@@ -1,0 +1,88 @@
+#include "guiding/sg_mixture.h"
+
+#include <cmath>
+
+#include "core/warp.h"
+
+namespace nephroid {
+
+namespace {
+
+/// Lobes whose exponent is below are zero next to the protective lobe: exp(-60) times the largest density, 1e8, is
+/// 1e-18 per steradian.
+constexpr float negligible_exponent = -60.0F;
+/// With an axis of zero: negligible in every direction.
+constexpr float no_lobe_sharpness = 1e6F;
+
+Vec3 hemisphere_sample(const Vec3& normal, float u, float v) {
+    float sine = 0.0F, cosine = 0.0F;
+    sincos_turn(v, sine, cosine);
+    const float radius = safe_sqrt(u * (2.0F - u));
+    return to_vec3(make_frame(to_triple(normal)).to_world({radius * cosine, radius * sine, 1.0F - u}));
+}
+
+}  // namespace
+
+SgMixture::SgMixture(const Options& options, size_t most_lobes)
+    : options_(options),
+      axis_x_(padded_to_packets(most_lobes)),
+      axis_y_(axis_x_.size()),
+      axis_z_(axis_x_.size()),
+      sharpness_(axis_x_.size()),
+      weight_(axis_x_.size()),
+      density_(axis_x_.size()) {}
+
+void SgMixture::prepare(const CachedPoint& point, std::span<const SgLobe> lobes, const Vec3& x, const Vec3& normal) {
+    normal_ = normal;
+    count_ = lobes.size();
+    const float lobes_weight = 1.0F - options_.protective_weight;
+    protective_weight_ = 1.0F;
+    for (size_t i = 0; i < count_; ++i) {
+        const SgLobe& lobe = lobes[i];
+        const Vec3 axis =
+            options_.warp == SgWarp::mirror ? mirror_axis(lobe, x) : glm::normalize(lobe.reflector - point.position);
+        axis_x_[i] = axis.x;
+        axis_y_[i] = axis.y;
+        axis_z_[i] = axis.z;
+        sharpness_[i] = lobe.sharpness;
+        weight_[i] = lobes_weight * lobe.weight;
+        density_[i] = weight_[i] / unit_integral(lobe.sharpness);
+        protective_weight_ -= weight_[i];
+    }
+    for (size_t i = count_; i % simd_width != 0; ++i) {
+        axis_x_[i] = axis_y_[i] = axis_z_[i] = 0.0F;
+        sharpness_[i] = no_lobe_sharpness;
+    }
+}
+
+Vec3 SgMixture::sample(float u_choice, float u, float v) const {
+    float left = u_choice;
+    for (size_t i = 0; i < count_; ++i) {
+        if (left < weight_[i]) {
+            const Triple<float> axis{axis_x_[i], axis_y_[i], axis_z_[i]};
+            return to_vec3(sample_spherical_gaussian(axis, sharpness_[i], u, v));
+        }
+        left -= weight_[i];
+    }
+    return hemisphere_sample(normal_, u, v);
+}
+
+float SgMixture::pdf(const Vec3& wi) const {
+    float density = glm::dot(normal_, wi) > 0.0F ? protective_weight_ * 0.5F * inv_pi : 0.0F;
+    const Triple<FloatV> direction{FloatV(wi.x), FloatV(wi.y), FloatV(wi.z)};
+    for (size_t i = 0; i < count_; i += simd_width) {
+        const auto load = [i](const Array& array) { return FloatV(&array[i], stdx::vector_aligned); };
+        const Triple<FloatV> axis{load(axis_x_), load(axis_y_), load(axis_z_)};
+        const Triple<FloatV> difference = direction - axis;
+        const FloatV exponent = FloatV(-0.5F) * load(sharpness_) * dot(difference, difference);
+        const auto near = exponent > FloatV(negligible_exponent);
+        if (stdx::none_of(near)) continue;
+        // Few lanes are near: lobes are narrow.
+        for (size_t lane = 0; lane < simd_width; ++lane) {
+            if (near[lane]) density += density_[i + lane] * std::exp(exponent[lane]);
+        }
+    }
+    return density;
+}
+
+}  // namespace nephroid
