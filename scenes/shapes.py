@@ -131,3 +131,103 @@ def rounded_band_profile(inner: float, outer: float, bottom: float, top: float, 
     wall((inner, top - bevel), (inner, bottom + bevel), (-1.0, 0.0))
     corner((inner + bevel, bottom + bevel), math.pi)
     return profile
+
+
+def arc_band(profile, columns: int, angle: float) -> Geometry:
+    """The part of `revolve`'s ring from 0 to `angle` radians (from +Z towards +X), closed by flat ends.
+
+    The profile must be convex.
+    """
+    geometry = Geometry()
+    rows = len(profile)
+    # The first vertex is repeated, so that a grid closes around the profile.
+    for row in range(rows + 1):
+        radius, height, normal_radius, normal_height = profile[row % rows]
+        for column in range(columns + 1):
+            phi = angle * column / columns
+            sine, cosine = math.sin(phi), math.cos(phi)
+            geometry.add_vertex((radius * sine, height, radius * cosine),
+                                (normal_radius * sine, normal_height, normal_radius * cosine))
+    add_grid(geometry, 0, columns, rows)
+    outline = [(radius, height) for radius, height, _, _ in profile]
+    return merge([geometry, profile_cap(outline, 0.0, True), profile_cap(outline, angle, False)])
+
+
+def profile_cap(outline, phi: float, start: bool) -> Geometry:
+    """The flat end of an `arc_band` at the angle phi, as a fan around the mean of the outline."""
+    geometry = Geometry()
+    sine, cosine = math.sin(phi), math.cos(phi)
+    side = -1.0 if start else 1.0
+    normal = (side * cosine, 0.0, -side * sine)
+    centre = [sum(point[c] for point in outline) / len(outline) for c in range(2)]
+    for radius, height in [centre, *outline]:
+        geometry.add_vertex((radius * sine, height, radius * cosine), normal)
+    count = len(outline)
+    for k in range(count):
+        a, b = 1 + k, 1 + (k + 1) % count
+        geometry.indices.extend((0, a, b) if start else (0, b, a))
+    return geometry
+
+
+class Waves:
+    """A smooth bumpy function of two parameters: the sum of a few sines.
+
+    terms: (amplitude, u frequency, v frequency, phase); frequencies in radians per unit of the parameter.
+    """
+
+    def __init__(self, terms) -> None:
+        self.terms = list(terms)
+
+    def __call__(self, u: float, v: float):
+        """The value and its derivatives by u and v."""
+        value = by_u = by_v = 0.0
+        for amplitude, frequency_u, frequency_v, phase in self.terms:
+            angle = frequency_u * u + frequency_v * v + phase
+            value += amplitude * math.sin(angle)
+            slope = amplitude * math.cos(angle)
+            by_u += frequency_u * slope
+            by_v += frequency_v * slope
+        return value, by_u, by_v
+
+
+def sheet(point, columns: int, rows: int, closed: bool = False) -> Geometry:
+    """A surface over u, v in [0, 1]: point(u, v) gives the position and its derivatives by u and by v.
+
+    It faces derivative by u x derivative by v; normals are exact. Where it is closed, u = 1 has the bits of u = 0.
+    """
+    geometry = Geometry()
+    for row in range(rows + 1):
+        for column in range(columns + 1):
+            position, by_u, by_v = point((column % columns if closed else column) / columns, row / rows)
+            geometry.add_vertex(position, normalize(cross(by_u, by_v)))
+    add_grid(geometry, 0, columns, rows)
+    return geometry
+
+
+def bumpy_rectangle(width: float, height: float, waves: Waves, columns: int, rows: int) -> Geometry:
+    """A rectangle around the origin in the plane z = 0 that faces +Z, displaced along Z by waves(x, y) in metres."""
+    def point(u, v):
+        x, y = (u - 0.5) * width, (v - 0.5) * height
+        z, by_x, by_y = waves(x, y)
+        return (x, y, z), (width, 0.0, width * by_x), (0.0, height, height * by_y)
+
+    return sheet(point, columns, rows)
+
+
+def bumpy_arc(radius: float, length: float, first_angle: float, last_angle: float, waves: Waves, columns: int,
+              rows: int) -> Geometry:
+    """A part of a cylinder around the Z axis, from first_angle to last_angle (radians from +X towards +Y).
+
+    Its radius grows by waves(angle, z) metres. It faces outwards where first_angle < last_angle, else the axis.
+    A full turn closes if the waves do: then their angular frequencies are whole numbers.
+    """
+    span = last_angle - first_angle
+
+    def point(u, v):
+        angle, z = first_angle + span * u, (v - 0.5) * length
+        bump, by_angle, by_z = waves(angle, z)
+        cosine, sine, r = math.cos(angle), math.sin(angle), radius + bump
+        along = [span * (by_angle * cosine - r * sine), span * (by_angle * sine + r * cosine), 0.0]
+        return (r * cosine, r * sine, z), along, [length * by_z * cosine, length * by_z * sine, length]
+
+    return sheet(point, columns, rows, closed=abs(span) == 2.0 * math.pi)
