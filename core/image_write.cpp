@@ -128,9 +128,13 @@ void write_png(const std::string& path, int width, int height, const std::vector
         const float encoded = srgb_encode(compress_highlight(exposure * rgb[i]));
         bytes[i] = static_cast<uint8_t>(std::lround(255.0F * std::clamp(encoded, 0.0F, 1.0F)));
     }
+    write_png(path, width, height, bytes);
+}
+
+void write_png(const std::string& path, int width, int height, const std::vector<uint8_t>& rgb) {
     OIIO::ImageSpec spec(width, height, 3, OIIO::TypeDesc::UINT8);
     spec.attribute("oiio:ColorSpace", "sRGB");
-    write_file(path, spec, OIIO::TypeDesc::UINT8, bytes.data());
+    write_file(path, spec, OIIO::TypeDesc::UINT8, rgb.data());
 }
 
 }  // namespace nephroid

@@ -1,6 +1,7 @@
 // Pictures to files, whole or not at all: written beside the target under a temporary name, then renamed.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
@@ -29,6 +30,9 @@ void write_exr(const std::string& path, int image_width, int image_height, const
 /// 8-bit sRGB picture for looking at: exposed so that the 95th percentile of the luminance becomes 0.6 (photographs of
 /// unknown units), highlights compressed smoothly above 0.6. Throws Error(output_failed).
 void write_png(const std::string& path, int width, int height, const std::vector<float>& rgb);
+
+/// 8-bit picture of bytes that are sRGB already, RGB interleaved. Throws Error(output_failed).
+void write_png(const std::string& path, int width, int height, const std::vector<uint8_t>& rgb);
 
 /// Throws Error(output_failed) unless a file can be created at that path and its ending is .exr or .png: checked
 /// before rendering, so that hours of work are not lost to a typing error.

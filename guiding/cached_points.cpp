@@ -1,6 +1,7 @@
 #include "guiding/cached_points.h"
 
 #include <algorithm>
+#include <limits>
 #include <numeric>
 
 #include "core/simd.h"
@@ -45,6 +46,20 @@ std::vector<uint32_t> nearest_candidates(const std::vector<CachedPoint>& points,
     nearest.reserve(ranked.size());
     for (const auto& [distance, index] : ranked) nearest.push_back(index);
     return nearest;
+}
+
+/// Of the smallest value; the first of equal ones.
+size_t least_lane(const std::array<float, 16>& values) {
+    float least = std::numeric_limits<float>::infinity();
+    size_t lane = 0;
+    for (size_t i = 0; i < values.size(); i += simd_width) {
+        const FloatV part(&values[i], stdx::vector_aligned);
+        const float smallest = stdx::hmin(part);
+        if (!(smallest < least)) continue;
+        least = smallest;
+        lane = i + static_cast<size_t>(stdx::find_first_set(part == FloatV(smallest)));
+    }
+    return lane;
 }
 
 int longest_axis(const Vec3& extent) {
@@ -103,29 +118,31 @@ CachedPointLookup::Block CachedPointLookup::make_block(const std::vector<CachedP
     return block;
 }
 
-uint32_t CachedPointLookup::find(const Vec3& position, const Vec3& normal) const {
-    if (nodes_.empty()) return no_cached_point;
+size_t CachedPointLookup::find(const Vec3& position, const Vec3& normal, std::span<FoundPoint> found) const {
+    if (nodes_.empty()) return 0;
     const Node* node = nodes_.data();
     while (node->axis >= 0) node = &nodes_[node->child + (position[node->axis] < node->at ? 0 : 1)];
     const Block& block = blocks_[node->child];
-    float nearest = std::numeric_limits<float>::infinity();
-    uint32_t found = no_cached_point;
+    alignas(64) Lanes distance;
+    const FloatV infinity(std::numeric_limits<float>::infinity());
     for (size_t i = 0; i < block_size; i += simd_width) {
         const auto load = [i](const Lanes& lanes) { return FloatV(&lanes[i], stdx::vector_aligned); };
         const FloatV dx = load(block.position[0]) - FloatV(position.x);
         const FloatV dy = load(block.position[1]) - FloatV(position.y);
         const FloatV dz = load(block.position[2]) - FloatV(position.z);
-        const FloatV distance = dx * dx + dy * dy + dz * dz;
+        const FloatV squared = dx * dx + dy * dy + dz * dz;
         const FloatV cosine = load(block.normal[0]) * FloatV(normal.x) + load(block.normal[1]) * FloatV(normal.y) +
                               load(block.normal[2]) * FloatV(normal.z);
-        const auto usable = (distance <= load(block.squared_reach)) && (cosine > FloatV(similar_normal_cosine));
-        if (stdx::none_of(usable)) continue;
-        const float least = stdx::hmin(stdx::where(usable, distance));
-        if (!(least < nearest)) continue;
-        nearest = least;
-        found = block.index[i + static_cast<size_t>(stdx::find_first_set(usable && (distance == FloatV(least))))];
+        const auto usable = (squared <= load(block.squared_reach)) && (cosine > FloatV(similar_normal_cosine));
+        select(usable, squared, infinity).copy_to(&distance[i], stdx::vector_aligned);
     }
-    return found;
+    for (size_t count = 0; count < found.size(); ++count) {
+        const size_t lane = least_lane(distance);
+        if (distance[lane] == std::numeric_limits<float>::infinity()) return count;
+        found[count] = {block.index[lane], distance[lane]};
+        distance[lane] = std::numeric_limits<float>::infinity();
+    }
+    return found.size();
 }
 
 size_t CachedPointLookup::bytes() const {

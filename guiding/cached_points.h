@@ -1,13 +1,12 @@
 // Points of surfaces at which mixtures are cached, and the nearest one to a shading point.
 //
 // Look-up: a tree of splits in the middle leads to a cell; the cell has the sixteen cached points nearest to it in
-// one block, and one vector comparison finds the nearest of these. About 30 ns, no backtracking; the point found is not
-// always the nearest of all, which guiding does not need.
+// one block, and vector comparisons find the nearest of these: no backtracking. The points found are not always the
+// nearest of all, which guiding does not need.
 #pragma once
 
 #include <array>
 #include <cstdint>
-#include <limits>
 #include <span>
 #include <vector>
 
@@ -21,9 +20,15 @@ struct CachedPoint {
     float reach = 0.0F;             ///< Metres: the point serves no shading point further away.
     uint32_t first_lobe = 0;        ///< In LobeCache::lobes.
     uint32_t lobe_count = 0;
+    float fraction = 0.0F;  ///< Probability of guiding here, below one; zero where there is no lobe.
 };
 
-inline constexpr uint32_t no_cached_point = std::numeric_limits<uint32_t>::max();
+/// A cached point that serves a shading point.
+struct FoundPoint {
+    uint32_t index = 0;
+    float squared_distance = 0.0F;  ///< m^2.
+};
+
 inline constexpr float similar_normal_cosine = 0.7F;  ///< Cached points of other orientation serve no shading point.
 
 class CachedPointLookup {
@@ -31,8 +36,9 @@ class CachedPointLookup {
     CachedPointLookup() = default;
     explicit CachedPointLookup(const std::vector<CachedPoint>& points);
 
-    /// A near cached point, of a similar normal and within its reach; or no_cached_point. Deterministic.
-    uint32_t find(const Vec3& position, const Vec3& normal) const;
+    /// The nearest cached points of a similar normal and within their reach, nearest first: as many as `found` holds or
+    /// fewer. Returns how many. Deterministic.
+    size_t find(const Vec3& position, const Vec3& normal, std::span<FoundPoint> found) const;
     size_t bytes() const;
 
   private:

@@ -60,6 +60,8 @@ class DirectionalGuide {
   public:
     virtual ~DirectionalGuide() = default;
     virtual std::unique_ptr<GuideWorker> make_worker() const = 0;
+    /// Metal of a smaller alpha is left to its BSDF, which is narrower than what the guide knows.
+    virtual float least_alpha() const = 0;
 };
 
 }  // namespace nephroid

@@ -1,8 +1,9 @@
 #include "guiding/sg_mixture.h"
 
+#include <algorithm>
 #include <cmath>
 
-#include "core/warp.h"
+#include "guiding/hemisphere.h"
 
 namespace nephroid {
 
@@ -14,31 +15,28 @@ constexpr float negligible_exponent = -60.0F;
 /// With an axis of zero: negligible in every direction.
 constexpr float no_lobe_sharpness = 1e6F;
 
-Vec3 hemisphere_sample(const Vec3& normal, float u, float v) {
-    float sine = 0.0F, cosine = 0.0F;
-    sincos_turn(v, sine, cosine);
-    const float radius = safe_sqrt(u * (2.0F - u));
-    return to_vec3(make_frame(to_triple(normal)).to_world({radius * cosine, radius * sine, 1.0F - u}));
-}
-
 }  // namespace
 
-SgMixture::SgMixture(const Options& options, size_t most_lobes)
-    : options_(options),
-      axis_x_(padded_to_packets(most_lobes)),
+SgMixture::SgMixture(const Cache& cache, const Options& options)
+    : cache_(cache),
+      options_(options),
+      axis_x_(padded_to_packets(cache.most_lobes())),
       axis_y_(axis_x_.size()),
       axis_z_(axis_x_.size()),
       sharpness_(axis_x_.size()),
       weight_(axis_x_.size()),
       density_(axis_x_.size()) {}
 
-void SgMixture::prepare(const CachedPoint& point, std::span<const SgLobe> lobes, const Vec3& x, const Vec3& normal) {
+float SgMixture::prepare(std::span<const FoundPoint> found, const Vec3& x, const Vec3& normal) {
+    if (found.empty()) return 0.0F;
+    const CachedPoint& point = cache_.points[found[0].index];
+    if (point.lobe_count == 0) return 0.0F;
     normal_ = normal;
-    count_ = lobes.size();
+    count_ = point.lobe_count;
     const float lobes_weight = 1.0F - options_.protective_weight;
     protective_weight_ = 1.0F;
     for (size_t i = 0; i < count_; ++i) {
-        const SgLobe& lobe = lobes[i];
+        const SgLobe& lobe = cache_.lobes[point.first_lobe + i];
         const Vec3 axis =
             options_.warp == SgWarp::mirror ? mirror_axis(lobe, x) : glm::normalize(lobe.reflector - point.position);
         axis_x_[i] = axis.x;
@@ -53,6 +51,7 @@ void SgMixture::prepare(const CachedPoint& point, std::span<const SgLobe> lobes,
         axis_x_[i] = axis_y_[i] = axis_z_[i] = 0.0F;
         sharpness_[i] = no_lobe_sharpness;
     }
+    return point.fraction;
 }
 
 Vec3 SgMixture::sample(float u_choice, float u, float v) const {
@@ -64,11 +63,11 @@ Vec3 SgMixture::sample(float u_choice, float u, float v) const {
         }
         left -= weight_[i];
     }
-    return hemisphere_sample(normal_, u, v);
+    return sample_uniform_hemisphere(normal_, u, v);
 }
 
 float SgMixture::pdf(const Vec3& wi) const {
-    float density = glm::dot(normal_, wi) > 0.0F ? protective_weight_ * 0.5F * inv_pi : 0.0F;
+    float density = protective_weight_ * uniform_hemisphere_pdf(normal_, wi);
     const Triple<FloatV> direction{FloatV(wi.x), FloatV(wi.y), FloatV(wi.z)};
     for (size_t i = 0; i < count_; i += simd_width) {
         const auto load = [i](const Array& array) { return FloatV(&array[i], stdx::vector_aligned); };
@@ -83,6 +82,12 @@ float SgMixture::pdf(const Vec3& wi) const {
         }
     }
     return density;
+}
+
+LobeView SgMixture::heaviest() const {
+    if (count_ == 0) return {};
+    const size_t i = static_cast<size_t>(std::max_element(&weight_[0], &weight_[0] + count_) - &weight_[0]);
+    return {{axis_x_[i], axis_y_[i], axis_z_[i]}, std::sqrt(2.0F * std::log(2.0F) / sharpness_[i])};
 }
 
 }  // namespace nephroid

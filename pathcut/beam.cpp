@@ -35,6 +35,10 @@ Outgoing outgoing_of(const ReflectorTree& reflectors, const Beam& beam) {
     double extent = 0.0;
     for (const Vec3& d : out.directions) extent = std::max(extent, angle_between(Vec3d(d), Vec3d(centre)));
     out.margin = 2.0 * bend + 0.05 * extent + 2.0 * double{beam.error};
+    if (beam.leaving_angle >= 0.0F) {
+        out.directions.fill(beam.leaving);
+        out.margin = double{beam.leaving_angle};
+    }
     // Directions that cancel have no mean: nothing is known.
     if (!std::isfinite(out.margin)) out.margin = 4.0;
     return out;
@@ -48,6 +52,7 @@ void store_beam(BeamBlock& block, size_t lane, const Beam& beam) {
         }
     }
     block.error[lane] = beam.error;
+    block.parent_error[lane] = beam.parent_error;
     block.triangle[lane] = beam.triangle;
     block.parent[lane] = beam.parent;
 }

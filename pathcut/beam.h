@@ -24,8 +24,11 @@ struct Beam {
     uint32_t parent = no_beam;  ///< The beam that lights it, in the previous set; none if the light itself does.
     std::array<Vec3, 3> wi;     ///< Unit directions of incoming light at the corners.
     std::array<Vec2, 3>
-        parent_weights{};  ///< Where on the parent's triangle it comes from: barycentric; may be outside.
-    float error = 0.0F;    ///< Of wi, as a slope.
+        parent_weights{};         ///< Where on the parent's triangle it comes from: barycentric; may be outside.
+    float error = 0.0F;           ///< Of wi, as a slope.
+    float parent_error = 0.0F;    ///< Of parent_weights, beyond what is linear between the corners.
+    Vec3 leaving{0.0F};           ///< Unit: axis of a cone that the light leaves in,
+    float leaving_angle = -1.0F;  ///< and half its opening, radians; negative where wi and its error say more.
 };
 
 /// Sixteen beams, field by field.
@@ -34,6 +37,7 @@ struct alignas(simd_alignment) BeamBlock {
     std::array<std::array<Lanes, 3>, 3> wi{};              ///< [corner][coordinate]
     std::array<std::array<Lanes, 2>, 3> parent_weights{};  ///< [corner][coordinate]
     Lanes error{};
+    Lanes parent_error{};
     alignas(simd_alignment) std::array<uint32_t, block_size> triangle{};
     alignas(simd_alignment) std::array<uint32_t, block_size> parent{};
 };

@@ -84,6 +84,11 @@ struct ReflectorTree {
         const auto& n = blocks[triangle / block_size].normals[corner];
         return {n[0][triangle % block_size], n[1][triangle % block_size], n[2][triangle % block_size]};
     }
+    /// Barycentric coordinates as in SurfacePatch; outside of the triangle too.
+    Vec3 point(uint32_t triangle, const Vec2& weights) const {
+        return position(triangle, 0) * (1.0F - weights.x - weights.y) + position(triangle, 1) * weights.x +
+               position(triangle, 2) * weights.y;
+    }
     MirrorBound<float> bound(uint32_t triangle) const {
         return extract(tree.levels[0][triangle / block_size], triangle % block_size);
     }

@@ -105,6 +105,24 @@ IncomingDirections<F> directions_to(const PathLight& light, const TriangleLanes<
         direction_to(light, centroid_of(t))};
 }
 
+/// True where the receiver is behind the triangle as the light sees it, or in its plane as far as rounding can tell: so
+/// that nothing is reflected to it. `error`: of the directions, a chord.
+template <class F>
+MaskOf<F> is_behind(const TriangleLanes<F>& t, const IncomingDirections<F>& wi, const F& error,
+                    const Triple<F>& receiver) {
+    constexpr float in_plane = 1e-5F;  // Sine.
+    const auto& p = t.positions;
+    const Triple<F> normal = normalized(cross(p[1] - p[0], p[2] - p[0])), to_viewer = receiver - p[0];
+    const F height = dot(to_viewer, normal), above = F(in_plane) * square_root(dot(to_viewer, to_viewer));
+    F lowest(1.0F), highest(-1.0F);
+    for (const Triple<F>& direction : wi.at_corner) {
+        const F light = dot(direction, normal);
+        lowest = minimum(lowest, light);
+        highest = maximum(highest, light);
+    }
+    return (lowest > error && height <= above) || (highest < -error && height >= -above);
+}
+
 /// What slopes are made of at a point.
 template <class F>
 struct SlopeSample {

@@ -117,6 +117,16 @@ class CommandLine(unittest.TestCase):
             (["-i", "path", "--set", "sampler=magic", scene], "sobol"),
             (["-i", "path", "--set", "colour=red", scene], "colour"),
             (["--no-such-option", scene], "no-such-option"),
+            (["--inspect", "12", scene], "--inspect"),
+            (["--inspect", "", scene], "--inspect"),
+            (["--inspect", "1,2,3", scene], "--inspect"),
+            (["--inspect", "1.5,2", scene], "--inspect"),
+            (["--inspect", "1,2", "--time", "3", scene], "--time"),
+            (["--inspect", "1,2", "--stats", "s.json", scene], "--stats"),
+            (["--inspect", "64,10", "-i", "path", "--size", "64x48", scene], "x in 0..63"),
+            (["--inspect=-1,10", "-i", "path", "--size", "64x48", scene], "x in 0..63"),
+            (["--inspect", "10,10", "--crop", "20,20,40,40", "-i", "path", "--size", "64x48", scene], "x in 20..39"),
+            (["--inspect", "0,0", "-i", "path", "--size", "64x48", scene], "another pixel"),
             ([], "scene"),
         ]:
             with self.subTest(arguments=arguments):
@@ -188,6 +198,35 @@ class CommandLine(unittest.TestCase):
         self.assert_error(self.render("--checkpoint", checkpoint, "--resume", code=5), 5, "damaged")
         checkpoint.write_bytes(data[: len(data) // 2])
         self.assert_error(self.render("--checkpoint", checkpoint, "--resume", code=5), 5, "truncated")
+
+    def test_inspect_shows_the_sampling_and_renders_nothing(self):
+        scene = SCENES / "ring.glb"
+        common = ["--inspect", "37,20", "--spp", "1", "--max-depth", "3", "--size", "64x48", "--set", "cached_points=50", scene]
+        result = run("-i", "guided", "-o", self.path / "out.exr", "-o", self.path / "two.png", *common)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        line = [line for line in result.stderr.splitlines() if line.startswith("--inspect 37,20: ")]
+        self.assertEqual(len(line), 1, result.stderr)
+        for word in ["'floor'", "lobes", "guide fraction", "relative deviation"]:
+            self.assertIn(word, line[0])
+        pictures = ["density", "target", "difference"]
+        self.assertEqual({path.name for path in self.path.iterdir()},
+                         {"out.inspect.exr", "out.inspect-zoom.exr"} | {f"out.inspect-{name}.png" for name in pictures} |
+                         {f"out.inspect-{name}-zoom.png" for name in pictures})
+        self.assertEqual(exr_size(self.path / "out.inspect.exr"), (512, 512))
+        self.assertEqual(exr_size(self.path / "out.inspect-zoom.exr"), (256, 256))
+        for name in [b"density.Y", b"radiance.R", b"radiance.G", b"radiance.B", b"target.Y", b"difference.Y"]:
+            self.assertIn(name, self.pixels("out.inspect.exr"))
+        self.assertEqual(self.pixels("out.inspect-density.png")[:4], b"\x89PNG")
+
+        common[common.index("--set"):-1] = []
+        result = run("-i", "path", "-q", "-o", self.path / "path.exr", *common)
+        self.assertEqual((result.returncode, result.stderr), (0, ""))
+        self.assertTrue((self.path / "path.inspect.exr").exists())
+        self.assertFalse((self.path / "path.inspect-zoom.exr").exists())
+
+    def test_inspect_errors_of_output(self):
+        result = run("--inspect", "1,2", "-o", self.path / "no/such/folder/x.exr", self.scene)
+        self.assert_error(result, 4, "x.exr")
 
     def test_time_limit_counts_from_process_start(self):
         for seconds in [1, 3]:

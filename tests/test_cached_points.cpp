@@ -1,6 +1,7 @@
 // The look-up of cached points, against brute force.
 #include <doctest/doctest.h>
 
+#include <array>
 #include <random>
 
 #include "guiding/cached_points.h"
@@ -47,12 +48,17 @@ TEST_CASE("the point found is of a similar normal, in reach, and the nearest or 
                 if (glm::dot(point.normal, query.normal) <= similar_normal_cosine) continue;
                 best = std::min(best, glm::length(point.position - query.position));
             }
-            const uint32_t index = lookup.find(query.position, query.normal);
-            if (index == no_cached_point) {
+            std::array<FoundPoint, 3> near;
+            const size_t count = lookup.find(query.position, query.normal, near);
+            for (size_t k = 1; k < count; ++k) {
+                CHECK(near[k].squared_distance >= near[k - 1].squared_distance);
+                CHECK(near[k].index != near[k - 1].index);
+            }
+            if (count == 0) {
                 missed += best <= 0.2F * scale ? 1 : 0;
                 continue;
             }
-            const CachedPoint& point = points[index];
+            const CachedPoint& point = points[near[0].index];
             const float distance = glm::length(point.position - query.position);
             CHECK(glm::dot(point.normal, query.normal) > similar_normal_cosine);
             CHECK(distance <= point.reach * 1.0001F);
@@ -69,14 +75,16 @@ TEST_CASE("the point found is of a similar normal, in reach, and the nearest or 
 }
 
 TEST_CASE("no points, one point, equal points") {
-    CHECK(CachedPointLookup().find(Vec3(0.0F), Vec3(0.0F, 1.0F, 0.0F)) == no_cached_point);
-    CHECK(CachedPointLookup(std::vector<CachedPoint>()).find(Vec3(0.0F), Vec3(0.0F, 1.0F, 0.0F)) == no_cached_point);
+    std::array<FoundPoint, 3> found;
+    const Vec3 up(0.0F, 1.0F, 0.0F);
+    CHECK(CachedPointLookup().find(Vec3(0.0F), up, found) == 0);
+    CHECK(CachedPointLookup(std::vector<CachedPoint>()).find(Vec3(0.0F), up, found) == 0);
     CachedPoint point;
     point.reach = 1.0F;
-    for (const size_t count : {size_t{1}, size_t{100}}) {
+    for (const size_t count : {size_t{1}, size_t{2}, size_t{100}}) {
         const CachedPointLookup lookup(std::vector<CachedPoint>(count, point));
-        CHECK(lookup.find(Vec3(0.5F, 0.0F, 0.0F), point.normal) < count);
-        CHECK(lookup.find(Vec3(1.5F, 0.0F, 0.0F), point.normal) == no_cached_point);
-        CHECK(lookup.find(Vec3(0.5F, 0.0F, 0.0F), -point.normal) == no_cached_point);
+        CHECK(lookup.find(Vec3(0.5F, 0.0F, 0.0F), up, found) == std::min<size_t>(count, 3));
+        CHECK(lookup.find(Vec3(1.5F, 0.0F, 0.0F), up, found) == 0);
+        CHECK(lookup.find(Vec3(0.5F, 0.0F, 0.0F), -up, found) == 0);
     }
 }

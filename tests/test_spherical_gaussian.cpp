@@ -236,8 +236,14 @@ TEST_CASE("a mixture's samples match its density (chi-square)") {
                 lobe.image_inverse_distance = Vec2(-0.3F, 0.2F);
             }
             const Vec3 normal(0.0F, 0.0F, 1.0F), x(0.01F, -0.02F, 0.0F);
-            SgMixture mixture(SgMixtureOptions(), count);
-            mixture.prepare(CachedPoint(), lobes, x, normal);
+            SgCache cache;
+            cache.points.push_back({});
+            cache.points[0].lobe_count = static_cast<uint32_t>(count);
+            cache.points[0].fraction = 0.5F;
+            cache.lobes = lobes;
+            SgMixture mixture(cache, SgMixtureOptions());
+            const FoundPoint found{};
+            CHECK(mixture.prepare({&found, 1}, x, normal) == 0.5F);
             const auto result = testing::chi_square_directions(
                 [&](Vec2 u, float choice) -> testing::DirectionDraw {
                     return {mixture.sample(choice, u.x, u.y), true};

@@ -8,6 +8,7 @@
 #include <new>
 
 #include "apps/render/info.h"
+#include "apps/render/inspect.h"
 #include "apps/render/options.h"
 #include "apps/render/output.h"
 #include "apps/render/process.h"
@@ -143,12 +144,20 @@ GuidedSettings guided_settings(const Parameters& parameters) {
     GuidedSettings settings;
     settings.cached_points = static_cast<uint32_t>(number_of(parameters, "cached_points"));
     settings.bounces = static_cast<int>(number_of(parameters, "bounces"));
-    settings.epsilon = number_of(parameters, "epsilon");
+    settings.lobe = parameters.at("lobe") == "slope" ? LobeKind::slope : LobeKind::spherical_gaussian;
+    settings.acceptance.epsilon = number_of(parameters, "epsilon");
+    settings.acceptance.alpha_multiple = number_of(parameters, "slope_limit");
     settings.merge_distance = number_of(parameters, "merge_distance");
     settings.newton = parameters.at("newton") == "on";
     settings.selection = parameters.at("selection") == "minima" ? Selection::local_minima : Selection::every_triangle;
-    settings.mixture.warp = parameters.at("warp") == "mirror" ? SgWarp::mirror : SgWarp::none;
-    settings.guide_fraction = static_cast<float>(number_of(parameters, "guide_fraction"));
+    const std::string& warp = parameters.at("warp");
+    settings.sg_warp = warp == "mirror" ? SgWarp::mirror : SgWarp::none;
+    settings.slope_warp = warp == "newton"     ? SlopeWarp::newton
+                          : warp == "implicit" ? SlopeWarp::implicit
+                                               : SlopeWarp::none;
+    if (parameters.at("guide_fraction") != "auto") {
+        settings.guide_fraction = static_cast<float>(number_of(parameters, "guide_fraction"));
+    }
     return settings;
 }
 
@@ -169,6 +178,7 @@ ExitCode render(const Options& options, Clock::time_point process_start) {
     if (outputs.empty()) outputs.push_back(std::filesystem::path(options.scene).stem().string() + ".exr");
     if (!options.info) {
         for (const std::string& output : outputs) check_output_path(output);
+        if (options.inspect) check_output_path(inspection_path(outputs.front()));
     }
 
     Scene scene = load_scene(options);
@@ -219,10 +229,16 @@ ExitCode render(const Options& options, Clock::time_point process_start) {
                                 options.seed,
                                 parameters.at("sampler") == "sobol" ? SamplerKind::sobol : SamplerKind::independent,
                                 options.aovs};
+    std::optional<InspectedVertex> inspected;
+    if (options.inspect) inspected = vertex_to_inspect(options, context, crop);
     const Clock::time_point precompute_start = Clock::now();
     const std::unique_ptr<Integrator> integrator =
         make_integrator(options.integrator, parameters, context, casters, {size.width, size.height, crop});
     const double precompute_seconds = seconds_since(precompute_start);
+    if (inspected) {
+        inspect_vertex(options, parameters, context, *integrator, *inspected, outputs.front());
+        return ExitCode::done;
+    }
     Film film(size.width, size.height, crop, options.aovs, options.noise.has_value());
     const RenderResult result = run_render(*integrator, film, settings, progress);
     if (film.nonfinite_samples() > 0) {

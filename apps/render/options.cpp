@@ -50,6 +50,27 @@ void parse_crop(const std::string& text, Options& options) {
     options.crop = PixelRegion{(*values)[0], (*values)[1], (*values)[2], (*values)[3]};
 }
 
+void parse_inspect(const std::string& text, Options& options) {
+    const auto values = parse_integers(text, ',', 2);
+    if (!values) usage_error("--inspect " + text, "is not x,y in pixels; write e.g. 320,200");
+    options.inspect = Options::Pixel{(*values)[0], (*values)[1]};
+}
+
+/// What a picture of directions cannot heed is refused, not ignored.
+void check_inspect(const Options& options) {
+    const auto& aovs = options.aovs;
+    const bool has_aov = aovs.albedo || aovs.normal || aovs.depth || aovs.caustic || aovs.variance || aovs.spp;
+    for (const auto& [given, name] : {std::pair(options.time.has_value(), "--time"),
+                                      {options.noise.has_value(), "--noise"},
+                                      {has_aov, "--aov"},
+                                      {!options.reference.empty(), "--reference"},
+                                      {!options.stats.empty(), "--stats"},
+                                      {!options.checkpoint.empty(), "--checkpoint"},
+                                      {options.info, "--info"}}) {
+        if (given) usage_error("--inspect", std::string("does not go with ") + name + "; leave one of them out");
+    }
+}
+
 void parse_aovs(const std::string& text, Options& options) {
     std::istringstream stream(text);
     std::string name;
@@ -94,6 +115,7 @@ void check_ranges(const Options& options) {
 std::optional<Options> parse_options(int argc, char** argv) {
     Options options;
     std::string size, crop, aov;
+    std::optional<std::string> inspect;
     bool quiet = false;
     bool verbose = false;
     bool list_parameters = false;
@@ -133,6 +155,9 @@ std::optional<Options> parse_options(int argc, char** argv) {
         ->allow_extra_args(false);
     app.add_flag("--list-parameters", list_parameters, "print all integrators' parameters");
     app.add_flag("--info", options.info, "print what the scene holds and which caustics were detected; render nothing");
+    app.add_option("--inspect", inspect,
+                   "show how directions are sampled at what pixel x,y sees, against the light that arrives there: "
+                   "OUT.inspect*.exr and .png; render nothing else");
     app.add_flag("-q", quiet, "no output but errors and warnings");
     app.add_flag("-v", verbose, "more output");
     app.set_version_flag("--version", std::string("nephroid render " NEPHROID_VERSION));
@@ -156,6 +181,10 @@ std::optional<Options> parse_options(int argc, char** argv) {
     if (!crop.empty()) parse_crop(crop, options);
     if (!aov.empty()) parse_aovs(aov, options);
     check_ranges(options);
+    if (inspect) {
+        parse_inspect(*inspect, options);
+        check_inspect(options);
+    }
     if (!options.info) check_integrator(options);
     if (!options.spp && !options.time && !options.noise) options.spp = 64;
     if (options.threads == 0) options.threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));

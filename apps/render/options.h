@@ -34,6 +34,11 @@ struct Options {
     double checkpoint_every = 60.0;
     bool resume = false;
     std::vector<std::string> assignments;
+    /// Pixel whose sampling is to be shown instead of a picture.
+    struct Pixel {
+        int x, y;
+    };
+    std::optional<Pixel> inspect;
     bool info = false;
     Verbosity verbosity = Verbosity::normal;
 };

@@ -13,12 +13,6 @@ namespace nephroid {
 
 namespace {
 
-std::string joined(const Parameters& parameters) {
-    std::string text;
-    for (const auto& [key, value] : parameters) text += (text.empty() ? "" : " ") + key + "=" + value;
-    return text;
-}
-
 std::vector<ImageLayer> layers_of(const Film& film) {
     const AovSelection& aovs = film.aovs();
     std::vector<ImageLayer> layers{{"", "RGB", film.beauty()}};
@@ -35,7 +29,7 @@ std::vector<ImageAttribute> attributes_of(const RenderReport& report) {
     return {{"nephroid/version", NEPHROID_VERSION},
             {"nephroid/scene", report.options.scene},
             {"nephroid/integrator", report.options.integrator},
-            {"nephroid/parameters", joined(report.parameters)},
+            {"nephroid/parameters", to_text(report.parameters)},
             {"nephroid/max_depth", std::to_string(report.options.max_depth)},
             {"nephroid/seed", std::to_string(report.options.seed)},
             {"nephroid/spp", std::to_string(report.film.min_spp())},

@@ -28,12 +28,20 @@ std::vector<ParameterDescription> guided_parameters() {
          "paper: Li et al. 2022 exactly; other parameters may still be set",
          {"default", "paper"},
          {}},
+        {"lobe",
+         "slope|sg",
+         "slope",
+         "the reflector's own profile mapped to directions by its curvature, or the paper's spherical Gaussians "
+         "(noisier)",
+         {"slope", "sg"},
+         {}},
         {"warp",
-         "mirror|none",
-         "mirror",
-         "how lobes are moved from the cached to the shading point: by the mirror equation, or not at all (no faster "
-         "worth mentioning, and noisier)",
-         {"mirror", "none"},
+         "newton|implicit|mirror|none",
+         "newton",
+         "how lobes move from the cached to the shading point. slope: a Newton step, the derivative (faster, noisier "
+         "far "
+         "from cached points) or none; sg: the paper's mirror equation or none",
+         {"newton", "implicit", "mirror", "none"},
          {}},
         {"newton",
          "on|off",
@@ -45,27 +53,37 @@ std::vector<ParameterDescription> guided_parameters() {
          "minima|triangles",
          "minima",
          "which paths become lobes: one for each exact solution and local minimum of the slope, or one for each "
-         "accepted triangle (the paper; many more lobes, slower samples)",
+         "accepted "
+         "triangle (the paper; many more lobes, slower samples)",
          {"minima", "triangles"},
          {}},
         {"bounces",
          "1..4",
          "2",
-         "reflections of the longest guided paths: more find more light and take longer before "
-         "rendering starts",
+         "reflections of the longest guided paths: more find more light and take longer before rendering starts",
          {},
          NumberRange{1.0, 4.0, true}},
+        {"slope_limit",
+         "0..100",
+         "6",
+         "smallest slopes up to so many alpha become lobes: higher covers more of the dim surroundings of caustics and "
+         "takes longer; 0: by epsilon",
+         {},
+         NumberRange{0.0, 100.0, false}},
         {"epsilon",
          "0..1",
          "0.01",
-         "where a glossy lobe ends to count (Eq. 1): smaller keeps more of its tail, and more lobes",
+         "with slope_limit=0: where a glossy lobe ends to count (Eq. 1); smaller keeps more of its tail, and more "
+         "lobes",
          {},
          NumberRange{1e-12, 1.0, false}},
         {"guide_fraction",
-         "0..0.99",
-         "0.5",
-         "probability of the guide against the BSDF: higher is less noise in caustics and more elsewhere",
-         {},
+         "auto|0..0.99",
+         "auto",
+         "probability of the guide against the BSDF: higher is less noise in caustics and more elsewhere; auto: from "
+         "the "
+         "light that each cached point expects of both",
+         {"auto"},
          NumberRange{0.0, 0.99, false}},
         {"merge_distance",
          "0..100",
@@ -91,11 +109,16 @@ const std::map<std::string, std::vector<ParameterDescription>>& table() {
     return parameters;
 }
 
-/// What a preset sets, where that is not the default.
-const std::map<std::string, Parameters>& presets() {
+/// What an assignment implies for parameters that are not assigned.
+const std::map<std::string, Parameters>& implications() {
     static const std::map<std::string, Parameters> values = {
-        {"default", {}},
-        {"paper", {{"selection", "triangles"}}},
+        {"lobe=sg", {{"warp", "mirror"}, {"guide_fraction", "0.5"}, {"slope_limit", "0"}}},
+        {"preset=paper",
+         {{"lobe", "sg"},
+          {"warp", "mirror"},
+          {"guide_fraction", "0.5"},
+          {"slope_limit", "0"},
+          {"selection", "triangles"}}},
     };
     return values;
 }
@@ -110,6 +133,21 @@ bool is_allowed(const ParameterDescription& description, const std::string& valu
     const NumberRange& range = *description.range;
     return error == std::errc() && rest == end && number >= range.least && number <= range.most &&
            (!range.integer || number == std::floor(number));
+}
+
+/// Throws Error(usage) where values exclude each other.
+void check_combination(const Parameters& parameters) {
+    if (!parameters.contains("lobe")) return;
+    const std::string& lobe = parameters.at("lobe");
+    const std::string& warp = parameters.at("warp");
+    const bool for_sg = warp == "mirror", for_slope = warp == "newton" || warp == "implicit";
+    if ((lobe == "sg" && for_slope) || (lobe == "slope" && for_sg)) {
+        throw Error(ExitCode::usage, "--set warp=" + warp + ": not for lobe=" + lobe + "; use " +
+                                         (lobe == "sg" ? "mirror or none" : "newton, implicit or none"));
+    }
+    if (lobe == "sg" && parameters.at("guide_fraction") == "auto") {
+        throw Error(ExitCode::usage, "--set guide_fraction=auto: not for lobe=sg; use a number, the paper's is 0.5");
+    }
 }
 
 }  // namespace
@@ -149,15 +187,25 @@ Parameters resolve_parameters(const std::string& integrator, const std::vector<s
     Parameters parameters;
     for (const ParameterDescription& description : descriptions)
         parameters[description.key] = description.default_value;
-    if (assigned.contains("preset")) {
-        for (const auto& [key, value] : presets().at(assigned["preset"])) parameters[key] = value;
+    for (const auto& [cause, implied] : implications()) {
+        const size_t equals = cause.find('=');
+        const auto found = assigned.find(cause.substr(0, equals));
+        if (found == assigned.end() || found->second != cause.substr(equals + 1)) continue;
+        for (const auto& [key, value] : implied) parameters[key] = value;
     }
     for (const auto& [key, value] : assigned) parameters[key] = value;
+    check_combination(parameters);
     return parameters;
 }
 
 double number_of(const Parameters& parameters, const std::string& key) {
     return std::stod(parameters.at(key));
+}
+
+std::string to_text(const Parameters& parameters) {
+    std::string text;
+    for (const auto& [key, value] : parameters) text += (text.empty() ? "" : " ") + key + "=" + value;
+    return text;
 }
 
 void print_parameters() {

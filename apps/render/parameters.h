@@ -33,11 +33,14 @@ bool is_planned_integrator(const std::string& name);
 
 const std::vector<ParameterDescription>& parameters_of(const std::string& integrator);
 
-/// Defaults, overridden by those of an assigned preset, overridden by the other assignments "key=value", whatever their
-/// order. Throws Error(usage) for unknown keys and values.
+/// Defaults, overridden by what assignments such as preset=paper imply, overridden by the assignments "key=value"
+/// themselves, whatever their order. Throws Error(usage) for unknown keys and values.
 Parameters resolve_parameters(const std::string& integrator, const std::vector<std::string>& assignments);
 
 void print_parameters();
+
+/// "key=value key=value ...", sorted by key.
+std::string to_text(const Parameters& parameters);
 
 /// A parameter whose description has a range, as a number.
 double number_of(const Parameters& parameters, const std::string& key);

@@ -1,8 +1,27 @@
 #include "integrators/guided/guided_integrator.h"
 
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+#include "integrators/guided/stopwatch.h"
 #include "integrators/path/path_worker.h"
 
 namespace nephroid {
+
+namespace {
+
+template <class Mixture>
+std::optional<GuideFacts> facts_of(const MixtureCache<Mixture>& mixtures, const Vec3& position, const Vec3& normal) {
+    std::array<FoundPoint, Mixture::most_points> found;
+    const size_t count = mixtures.cache.lookup.find(position, normal, found);
+    if (count == 0) return std::nullopt;
+    Mixture mixture(mixtures.cache, mixtures.options);
+    mixture.prepare(std::span(found).first(count), position, normal);
+    return GuideFacts{std::sqrt(found[0].squared_distance), mixture.lobe_count(), mixture.heaviest()};
+}
+
+}  // namespace
 
 GuidedIntegrator::GuidedIntegrator(const RenderContext& context, const CasterReport& casters, const GuidedView& view,
                                    const GuidedSettings& settings)
@@ -10,14 +29,45 @@ GuidedIntegrator::GuidedIntegrator(const RenderContext& context, const CasterRep
     const bool has_casters =
         std::find(casters.is_caster.begin(), casters.is_caster.end(), 1) != casters.is_caster.end();
     // A path through a caster scatters twice.
-    if (!has_casters || casters.small_lights.empty() || context.max_depth < 2 || settings.guide_fraction <= 0.0F)
-        return;
-    cache_ = build_sg_cache(context, casters, view, settings, statistics_);
-    if (!cache_.lobes.empty()) guide_.emplace(cache_, settings.mixture, settings.guide_fraction);
+    if (!has_casters || casters.small_lights.empty() || context.max_depth < 2) return;
+    if (settings.guide_fraction && *settings.guide_fraction <= 0.0F) return;
+    Stopwatch stopwatch;
+    std::vector<Receiver> receivers = choose_receivers(context, view, settings);
+    statistics_.seconds_receivers = stopwatch.lap();
+    const GuidedPaths found = find_guided_paths(context, casters, std::move(receivers), settings, statistics_);
+    stopwatch.lap();
+    const auto keep = [&]<class Mixture>(std::unique_ptr<MixtureCache<Mixture>>& kept, typename Mixture::Cache cache,
+                                         const typename Mixture::Options& options) {
+        statistics_.cached_points = cache.points.size();
+        statistics_.lobes = cache.lobes.size();
+        statistics_.bytes = cache.bytes();
+        if (!cache.lobes.empty()) kept = std::make_unique<MixtureCache<Mixture>>(std::move(cache), options);
+    };
+    if (settings.lobe == LobeKind::slope) {
+        SlopeMixtureOptions options;
+        options.warp = settings.slope_warp;
+        keep(slope_lobes_, make_slope_cache(context, found, settings), options);
+    } else {
+        SgMixtureOptions options;
+        options.warp = settings.sg_warp;
+        keep(spherical_gaussians_, make_sg_cache(context, found, settings), options);
+    }
+    statistics_.seconds_lobes = stopwatch.lap();
+}
+
+const DirectionalGuide* GuidedIntegrator::guide() const {
+    if (slope_lobes_) return &slope_lobes_->guide;
+    return spherical_gaussians_ ? &spherical_gaussians_->guide : nullptr;
 }
 
 std::unique_ptr<IntegratorWorker> GuidedIntegrator::make_worker() const {
     return std::make_unique<PathWorker>(context_, guide());
+}
+
+std::optional<GuideFacts> GuidedIntegrator::facts_at(const Vec3& position, const Vec3& normal) const {
+    if (slope_lobes_) return facts_of(*slope_lobes_, position, normal);
+    if (spherical_gaussians_) return facts_of(*spherical_gaussians_, position, normal);
+    return std::nullopt;
 }
 
 std::optional<IntegratorStatistics> GuidedIntegrator::statistics() const {

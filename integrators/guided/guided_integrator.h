@@ -1,17 +1,37 @@
-// Path tracing guided to caustics by representative specular paths (Li et al. 2022).
+// Path tracing guided to caustics by representative specular paths (Li et al. 2022), with the paper's lobes or with
+// slope lobes.
 //
 // Use it for caustics of glossy metal (alpha up to 0.1) under small lights. Before rendering, a cache of mixtures of
-// lobes is made (guided_cache.h); then every vertex that is not a perfect mirror samples its direction from the nearest
-// mixture or from its BSDF, weighted by both densities together, so that the mean does not depend on what the cache
-// holds. Light that is not a caustic, environments and large lights are path traced as ever. Without a caster or a
-// small light it is the path tracer.
+// lobes is made (guided_paths.h, then sg_cache.h or slope_cache.h); then vertices sample their direction from the
+// mixture of the nearest cached points or from their BSDF, weighted by both densities together, so that the mean does
+// not depend on what the cache holds. Light that is not a caustic, environments and large lights are path traced as
+// ever. Without a caster or a small light it is the path tracer.
 #pragma once
 
+#include <memory>
 #include <optional>
 
-#include "integrators/guided/guided_cache.h"
+#include "integrators/guided/sg_cache.h"
+#include "integrators/guided/slope_cache.h"
 
 namespace nephroid {
+
+/// What the cache holds for a surface point.
+struct GuideFacts {
+    float distance = 0.0F;  ///< To the nearest cached point that serves it, metres.
+    size_t lobe_count = 0;
+    LobeView heaviest;  ///< The lobe of the largest weight at the surface point: meaningful where there are lobes.
+};
+
+/// A cache and the guide that it feeds.
+template <class Mixture>
+struct MixtureCache {
+    MixtureCache(typename Mixture::Cache made, const typename Mixture::Options& used)
+        : cache(std::move(made)), options(used), guide(cache, options) {}
+    typename Mixture::Cache cache;
+    typename Mixture::Options options;
+    CachedGuide<Mixture> guide;
+};
 
 class GuidedIntegrator final : public Integrator {
   public:
@@ -23,15 +43,20 @@ class GuidedIntegrator final : public Integrator {
     std::optional<IntegratorStatistics> statistics() const override;
 
     /// Null where nothing is to be guided to.
-    const DirectionalGuide* guide() const { return guide_ ? &*guide_ : nullptr; }
-    const LobeCache<SgLobe>& cache() const { return cache_; }
+    const DirectionalGuide* guide() const;
+    /// Of a point and its unit geometric normal; nothing where no cached point serves it.
+    std::optional<GuideFacts> facts_at(const Vec3& position, const Vec3& normal) const;
     const RenderContext& context() const { return context_; }
+
+    /// Null where lobes are of the other kind, or where nothing is to be guided to.
+    const MixtureCache<SgMixture>* spherical_gaussians() const { return spherical_gaussians_.get(); }
+    const MixtureCache<SlopeMixture>* slope_lobes() const { return slope_lobes_.get(); }
 
   private:
     const RenderContext& context_;
     GuidedStatistics statistics_;
-    LobeCache<SgLobe> cache_;
-    std::optional<CachedGuide<SgMixture>> guide_;
+    std::unique_ptr<MixtureCache<SgMixture>> spherical_gaussians_;
+    std::unique_ptr<MixtureCache<SlopeMixture>> slope_lobes_;
 };
 
 }  // namespace nephroid

@@ -65,6 +65,7 @@ PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* gui
       shadows_(max_slots_per_block) {
     if (guide == nullptr) return;
     guide_ = guide->make_worker();
+    least_guided_alpha_ = guide->least_alpha();
     guided_.emplace(max_slots_per_block);
 }
 
@@ -394,8 +395,8 @@ NEPHROID_FLATTEN void PathWorker::choose_directions(uint32_t bounce) {
         batch.direction.store(k, frame.to_world(sample.wi));
         wave.delta_weight.store(k, sample.weight);
         select(sample.delta, FloatV(1.0F), FloatV(0.0F)).copy_to(&wave.delta[k], stdx::vector_aligned);
-        const auto mirror = (bsdf.alpha < FloatV(delta_alpha)) && (bsdf.metallic >= FloatV(1.0F));
-        select(mirror, FloatV(0.0F), FloatV(1.0F)).copy_to(&batch.fraction[k], stdx::vector_aligned);
+        const auto narrow = (bsdf.alpha < FloatV(least_guided_alpha_)) && (bsdf.metallic >= FloatV(1.0F));
+        select(narrow, FloatV(0.0F), FloatV(1.0F)).copy_to(&batch.fraction[k], stdx::vector_aligned);
         sample_1d(context_.sampler, seed, index, dimension_of(bounce, guide_choice))
             .copy_to(&batch.u_choice[k], stdx::vector_aligned);
         u.copy_to(&batch.u[k], stdx::vector_aligned);

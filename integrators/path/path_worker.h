@@ -60,6 +60,7 @@ class PathWorker final : public IntegratorWorker {
     LightWave lights_;
     ShadowWave shadows_;
     std::unique_ptr<GuideWorker> guide_;  ///< Null: not guided.
+    float least_guided_alpha_ = 0.0F;
     std::optional<GuidedWave> guided_;
 };
 

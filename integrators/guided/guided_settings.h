@@ -1,0 +1,63 @@
+// What can be set about the guided integrator, and what it reports.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "core/film.h"
+#include "guiding/sg_lobe.h"
+#include "guiding/slope_warp.h"
+#include "pathcut/path_cut_search.h"
+
+namespace nephroid {
+
+enum class LobeKind : uint8_t {
+    spherical_gaussian,  ///< The paper's.
+    slope,               ///< The material's profile in slope space: lobes.md.
+};
+
+struct GuidedSettings {
+    LobeKind lobe = LobeKind::slope;
+    uint32_t cached_points = 10000;  ///< About so many; more follow the caustic's shape better and take longer to make.
+    int bounces = 2;                 ///< Reflections of the longest paths; 1 .. max_chain_length.
+    /// Which paths count: below this normal distribution (Eq. 1), or within this multiple of alpha if it is above zero.
+    AcceptanceOptions acceptance{.epsilon = 0.01, .alpha_multiple = 6.0};
+    bool newton = true;           ///< Otherwise the triangles' centres stand for the paths' vertices (Fig. 13).
+    double merge_distance = 0.1;  ///< SearchOptions::merge_distance.
+    Selection selection = Selection::local_minima;
+    SgWarp sg_warp = SgWarp::mirror;
+    SlopeWarp slope_warp = SlopeWarp::newton;
+    /// Probability of the guide against the BSDF, 0 .. 1 exclusive; none: from what each cached point expects of both.
+    std::optional<float> guide_fraction;
+};
+
+/// The paper's method (preset=paper).
+inline GuidedSettings paper_settings() {
+    GuidedSettings settings;
+    settings.lobe = LobeKind::spherical_gaussian;
+    settings.selection = Selection::every_triangle;
+    settings.acceptance.alpha_multiple = 0.0;
+    settings.guide_fraction = 0.5F;
+    return settings;
+}
+
+/// The film that the cache is made for.
+struct GuidedView {
+    int width = 0;
+    int height = 0;
+    PixelRegion crop;
+};
+
+struct GuidedStatistics {
+    SearchStatistics search;
+    size_t cached_points = 0;
+    size_t lobes = 0;
+    size_t paths = 0;
+    size_t bytes = 0;  ///< Of the cache while rendering.
+    double seconds_receivers = 0.0;
+    double seconds_hierarchy = 0.0;
+    double seconds_search = 0.0;  ///< Path cuts and Newton solves, which take turns.
+    double seconds_lobes = 0.0;
+};
+
+}  // namespace nephroid
