@@ -10,6 +10,7 @@
 #include <span>
 #include <vector>
 
+#include "accel/wave_array.h"
 #include "core/vec.h"
 
 namespace nephroid {
@@ -39,6 +40,10 @@ class CachedPointLookup {
     /// The nearest cached points of a similar normal and within their reach, nearest first: as many as `found` holds or
     /// fewer. Returns how many. Deterministic.
     size_t find(const Vec3& position, const Vec3& normal, std::span<FoundPoint> found) const;
+
+    /// The same in two steps, for many positions: their cells, `count` of them, vector by vector; then the points.
+    void find_cells(const TripleArray& positions, size_t count, PathArray<uint32_t>& cells) const;
+    size_t find_in_cell(uint32_t cell, const Vec3& position, const Vec3& normal, std::span<FoundPoint> found) const;
     size_t bytes() const;
 
   private:
@@ -50,17 +55,20 @@ class CachedPointLookup {
         Lanes squared_reach{};
         std::array<uint32_t, block_size> index{};
     };
-    struct Node {
-        float at = 0.0F;     ///< Points whose coordinate is below lie under the first child.
-        int32_t axis = -1;   ///< Negative: a cell, whose block is `child`.
-        uint32_t child = 0;  ///< The first child; the second follows it.
-    };
-
     void build(const std::vector<CachedPoint>& points, std::span<uint32_t> own, std::span<const uint32_t> candidates,
                size_t node);
+    void resize_nodes(size_t size);
     static Block make_block(const std::vector<CachedPoint>& points, const std::vector<uint32_t>& indices);
 
-    std::vector<Node> nodes_;
+    /// The tree's nodes, field by field.
+    struct Nodes {
+        std::vector<float> at;        ///< Points whose coordinate is below lie under the first child.
+        std::vector<uint32_t> axis;   ///< `cell_axis`: a cell, whose block is `child`.
+        std::vector<uint32_t> child;  ///< The first child; the second follows it.
+    };
+    static constexpr uint32_t cell_axis = 3;
+
+    Nodes nodes_;
     std::vector<Block> blocks_;
 };
 

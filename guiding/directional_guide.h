@@ -62,6 +62,9 @@ class DirectionalGuide {
     virtual std::unique_ptr<GuideWorker> make_worker() const = 0;
     /// Metal of a smaller alpha is left to its BSDF, which is narrower than what the guide knows.
     virtual float least_alpha() const = 0;
+    /// Whether paths may carry much light after a scattering of small throughput: where guided directions lead on to
+    /// more reflections. Otherwise such paths may be ended early.
+    virtual bool leads_on() const = 0;
 };
 
 }  // namespace nephroid

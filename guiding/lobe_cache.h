@@ -23,6 +23,7 @@ struct LobeCache {
     std::vector<CachedPoint> points;  ///< Those without lobes guide nowhere: there is no caustic as far as is known.
     Lobes lobes;
     CachedPointLookup lookup;
+    bool leads_on = false;  ///< DirectionalGuide::leads_on: some lobe is of two or more reflections.
 
     size_t most_lobes() const {
         size_t most = 0;
@@ -38,48 +39,76 @@ struct LobeView {
     float width = 0.0F;  ///< About the radius that holds half of it, radians; the geometric mean over directions.
 };
 
-/// The guide of a cache. A Mixture is made of (Cache, Options) and has a constant `most_points`, prepare(found points,
-/// x, normal), which says the probability of guiding at x (zero: the mixture is not ready), sample and pdf.
-template <class Mixture>
+/// The guide of a cache. Mixtures are made of (Cache, Options) and hold those of a group of shading points: see
+/// SlopeMixtures. Options have a least_alpha.
+template <class Mixtures>
 class CachedGuide final : public DirectionalGuide {
   public:
-    using Cache = typename Mixture::Cache;
-    using Options = typename Mixture::Options;
+    using Cache = typename Mixtures::Cache;
+    using Options = typename Mixtures::Options;
 
     /// Keeps a reference to the cache.
     CachedGuide(const Cache& cache, const Options& options) : cache_(cache), options_(options) {}
     std::unique_ptr<GuideWorker> make_worker() const override { return std::make_unique<Worker>(cache_, options_); }
     float least_alpha() const override { return options_.least_alpha; }
+    bool leads_on() const override { return cache_.leads_on; }
 
   private:
     class Worker final : public GuideWorker {
       public:
-        Worker(const Cache& cache, const Options& options) : lookup_(cache.lookup), mixture_(cache, options) {}
+        Worker(const Cache& cache, const Options& options) : lookup_(cache.lookup), mixtures_(cache, options) {}
 
         void guide(const GuidePoints& points, GuideBatch& batch) override {
-            for (size_t k = 0; k < batch.count; ++k) {
-                batch.guided[k] = 0.0F;
-                if (batch.fraction[k] == 0.0F) continue;
-                const Vec3 position = points.position.get(k), normal = points.geometric_normal.get(k);
-                const size_t count = lookup_.find(position, normal, found_);
-                const float fraction = mixture_.prepare(std::span(found_).first(count), position, normal);
-                batch.fraction[k] = fraction;
-                if (fraction == 0.0F) continue;
-                if (batch.u_choice[k] < fraction) {
-                    const float u_lobe = std::min(batch.u_choice[k] / fraction, largest_below_one);
-                    batch.direction.set(k, mixture_.sample(u_lobe, batch.u[k], batch.v[k]));
-                    batch.guided[k] = 1.0F;
-                }
-                batch.pdf[k] = mixture_.pdf(batch.direction.get(k));
-                if (batch.wants_light_pdf) batch.light_pdf[k] = mixture_.pdf(points.light_direction.get(k));
+            if (cells_.size() < batch.count) cells_ = PathArray<uint32_t>(batch.count);
+            lookup_.find_cells(points.position, batch.count, cells_);
+            size_t next = 0;
+            while (next < batch.count) {
+                next = collect_group(points, batch, next);
+                mixtures_.prepare();
+                for (size_t i = 0; i < group_size_; ++i) choose_direction(points, batch, i);
             }
         }
 
       private:
         static constexpr float largest_below_one = 0x1.fffffep-1F;
+
+        /// Shading points from `first` on until the group is full; returns the next one.
+        size_t collect_group(const GuidePoints& points, GuideBatch& batch, size_t first) {
+            mixtures_.clear();
+            group_size_ = 0;
+            size_t k = first;
+            for (; k < batch.count && !mixtures_.is_full(); ++k) {
+                batch.guided[k] = 0.0F;
+                if (batch.fraction[k] == 0.0F) continue;
+                const Vec3 position = points.position.get(k), normal = points.geometric_normal.get(k);
+                const size_t count = lookup_.find_in_cell(cells_[k], position, normal, found_);
+                batch.fraction[k] = 0.0F;
+                if (count == 0) continue;
+                mixtures_.add(std::span(found_).first(count), position, normal);
+                group_[group_size_++] = static_cast<uint32_t>(k);
+            }
+            return k;
+        }
+
+        void choose_direction(const GuidePoints& points, GuideBatch& batch, size_t i) {
+            const size_t k = group_[i];
+            const float fraction = batch.fraction[k] = mixtures_.fraction(i);
+            if (fraction == 0.0F) return;
+            if (batch.u_choice[k] < fraction) {
+                const float u_lobe = std::min(batch.u_choice[k] / fraction, largest_below_one);
+                batch.direction.set(k, mixtures_.sample(i, u_lobe, batch.u[k], batch.v[k]));
+                batch.guided[k] = 1.0F;
+            }
+            batch.pdf[k] = mixtures_.pdf(i, batch.direction.get(k));
+            if (batch.wants_light_pdf) batch.light_pdf[k] = mixtures_.pdf(i, points.light_direction.get(k));
+        }
+
         const CachedPointLookup& lookup_;
-        Mixture mixture_;
-        std::array<FoundPoint, Mixture::most_points> found_;
+        Mixtures mixtures_;
+        PathArray<uint32_t> cells_{0};
+        std::array<FoundPoint, Mixtures::most_points> found_;
+        std::array<uint32_t, Mixtures::most_mixtures> group_;  ///< Vertices of the batch.
+        size_t group_size_ = 0;
     };
 
     const Cache& cache_;

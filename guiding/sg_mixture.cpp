@@ -17,7 +17,7 @@ constexpr float no_lobe_sharpness = 1e6F;
 
 }  // namespace
 
-SgMixture::SgMixture(const Cache& cache, const Options& options)
+SgMixtures::SgMixtures(const Cache& cache, const Options& options)
     : cache_(cache),
       options_(options),
       axis_x_(padded_to_packets(cache.most_lobes())),
@@ -27,10 +27,10 @@ SgMixture::SgMixture(const Cache& cache, const Options& options)
       weight_(axis_x_.size()),
       density_(axis_x_.size()) {}
 
-float SgMixture::prepare(std::span<const FoundPoint> found, const Vec3& x, const Vec3& normal) {
-    if (found.empty()) return 0.0F;
+void SgMixtures::add(std::span<const FoundPoint> found, const Vec3& x, const Vec3& normal) {
     const CachedPoint& point = cache_.points[found[0].index];
-    if (point.lobe_count == 0) return 0.0F;
+    is_full_ = true;
+    fraction_ = point.lobe_count == 0 ? 0.0F : point.fraction;
     normal_ = normal;
     count_ = point.lobe_count;
     const float lobes_weight = 1.0F - options_.protective_weight;
@@ -51,10 +51,9 @@ float SgMixture::prepare(std::span<const FoundPoint> found, const Vec3& x, const
         axis_x_[i] = axis_y_[i] = axis_z_[i] = 0.0F;
         sharpness_[i] = no_lobe_sharpness;
     }
-    return point.fraction;
 }
 
-Vec3 SgMixture::sample(float u_choice, float u, float v) const {
+Vec3 SgMixtures::sample(size_t, float u_choice, float u, float v) const {
     float left = u_choice;
     for (size_t i = 0; i < count_; ++i) {
         if (left < weight_[i]) {
@@ -66,7 +65,7 @@ Vec3 SgMixture::sample(float u_choice, float u, float v) const {
     return sample_uniform_hemisphere(normal_, u, v);
 }
 
-float SgMixture::pdf(const Vec3& wi) const {
+float SgMixtures::pdf(size_t, const Vec3& wi) const {
     float density = protective_weight_ * uniform_hemisphere_pdf(normal_, wi);
     const Triple<FloatV> direction{FloatV(wi.x), FloatV(wi.y), FloatV(wi.z)};
     for (size_t i = 0; i < count_; i += simd_width) {
@@ -84,7 +83,7 @@ float SgMixture::pdf(const Vec3& wi) const {
     return density;
 }
 
-LobeView SgMixture::heaviest() const {
+LobeView SgMixtures::heaviest(size_t) const {
     if (count_ == 0) return {};
     const size_t i = static_cast<size_t>(std::max_element(&weight_[0], &weight_[0] + count_) - &weight_[0]);
     return {{axis_x_[i], axis_y_[i], axis_z_[i]}, std::sqrt(2.0F * std::log(2.0F) / sharpness_[i])};

@@ -1,4 +1,5 @@
-// The paper's mixture at one shading point: spherical Gaussians and a protective lobe over the hemisphere.
+// The paper's mixture at a shading point: spherical Gaussians and a protective lobe over the hemisphere. Groups have
+// one shading point: a paper's mixture often has lobes enough to fill vectors.
 #pragma once
 
 #include <span>
@@ -19,32 +20,33 @@ struct SgMixtureOptions {
 
 using SgCache = LobeCache<std::vector<SgLobe>>;
 
-/// Reused for one shading point after the other: no allocation once it has its capacity.
-class SgMixture {
+class SgMixtures {
   public:
     using Cache = SgCache;
     using Options = SgMixtureOptions;
     static constexpr size_t most_points = 1;
+    static constexpr size_t most_mixtures = 1;
 
     /// Keeps a reference to the cache.
-    SgMixture(const Cache& cache, const Options& options);
+    SgMixtures(const Cache& cache, const Options& options);
 
-    /// Moves the lobes of the cached point to x, whose unit normal `normal` is the protective hemisphere's axis.
-    /// Returns the probability of guiding: zero where nothing is known.
-    float prepare(std::span<const FoundPoint> found, const Vec3& x, const Vec3& normal);
-
-    /// A direction with density pdf(); u_choice in [0, 1) picks the lobe. May lie below the horizon.
-    Vec3 sample(float u_choice, float u, float v) const;
-    /// Per solid angle; finite and, above the horizon, positive.
-    float pdf(const Vec3& wi) const;
-
-    size_t lobe_count() const { return count_; }
-    LobeView heaviest() const;
+    // As in SlopeMixtures.
+    void clear() { is_full_ = false; }
+    bool is_full() const { return is_full_; }
+    void add(std::span<const FoundPoint> found, const Vec3& x, const Vec3& normal);
+    void prepare() {}
+    float fraction(size_t) const { return fraction_; }
+    Vec3 sample(size_t, float u_choice, float u, float v) const;
+    float pdf(size_t, const Vec3& wi) const;
+    size_t lobe_count(size_t) const { return count_; }
+    LobeView heaviest(size_t) const;
 
   private:
     using Array = AlignedArray<float>;
     const Cache& cache_;
     Options options_;
+    bool is_full_ = false;
+    float fraction_ = 0.0F;
     size_t count_ = 0;
     float protective_weight_ = 1.0F;  ///< What the lobes leave.
     Vec3 normal_{0.0F, 0.0F, 1.0F};

@@ -3,6 +3,9 @@
 // The union of several points' lobes covers solutions that appear or vanish between them; of the same solution each
 // brings a copy, which costs time and no variance. Weights are the lobes' irradiance, so that a point without a caustic
 // adds nothing, times a kernel of the distance.
+//
+// Mixtures are made for a group of shading points at once: most points have a few lobes, and vectors are filled with
+// those of many.
 #pragma once
 
 #include <span>
@@ -22,44 +25,60 @@ struct SlopeMixtureOptions {
 
 using SlopeCache = LobeCache<SlopeLobeArray>;
 
-/// Reused for one shading point after the other: no allocation once it has its capacity.
-class SlopeMixture {
+class SlopeMixtures {
   public:
     using Cache = SlopeCache;
     using Options = SlopeMixtureOptions;
     static constexpr size_t most_points = 3;
+    static constexpr size_t most_mixtures = 64;  ///< Of a group.
 
     /// Keeps a reference to the cache.
-    SlopeMixture(const Cache& cache, const Options& options);
+    SlopeMixtures(const Cache& cache, const Options& options);
 
-    /// Moves the lobes of the cached points to x, whose unit normal `normal` is the protective hemisphere's axis.
-    /// Returns the probability of guiding: zero where nothing is known.
-    float prepare(std::span<const FoundPoint> found, const Vec3& x, const Vec3& normal);
+    void clear();
+    bool is_full() const { return size_ == most_mixtures || lobe_count_ >= enough_lobes; }
+    /// Another shading point, not when full; its unit normal `normal` is the protective hemisphere's axis.
+    void add(std::span<const FoundPoint> found, const Vec3& x, const Vec3& normal);
+    /// Moves the lobes of all added points to them. Before, nothing below may be called.
+    void prepare();
+
+    /// Probability of guiding at the k-th added point; zero: nothing is known, and nothing below may be called for it.
+    float fraction(size_t k) const { return mixtures_[k].fraction; }
     /// A direction with density pdf(); u_choice in [0, 1) picks the lobe. May lie below the horizon.
-    Vec3 sample(float u_choice, float u, float v) const;
+    Vec3 sample(size_t k, float u_choice, float u, float v) const;
     /// Per solid angle; finite and, above the horizon, positive.
-    float pdf(const Vec3& wi) const;
+    float pdf(size_t k, const Vec3& wi) const;
 
-    size_t lobe_count() const { return count_; }
-    LobeView heaviest() const;
+    size_t lobe_count(size_t k) const { return mixtures_[k].lobe_count; }
+    LobeView heaviest(size_t k) const;
 
   private:
-    void collect(const CachedPoint& point, float kernel);
-    float warp(const Vec3& x);
-    void normalise(float total);
-    SlopeLobe<FloatV> load(size_t i) const;
+    static constexpr size_t enough_lobes = 512;  ///< A group's arrays stay in the first-level cache.
+
+    struct Mixture {
+        Vec3 position{0.0F};
+        Vec3 normal{0.0F, 1.0F, 0.0F};
+        float fraction = 0.0F;
+        float protective_weight = 1.0F;  ///< What the lobes leave.
+        uint32_t first_lobe = 0;         ///< In the arrays below.
+        uint32_t lobe_count = 0;
+    };
+
+    void collect(const CachedPoint& point, float kernel, const Vec3& x);
+    void warp();
+    void normalise(Mixture& mixture);
     SlopeLobe<float> get(size_t i) const;
 
     using Array = AlignedArray<float>;
     const Cache& cache_;
     Options options_;
-    size_t count_ = 0;
-    float protective_weight_ = 1.0F;  ///< What the lobes leave.
-    Vec3 normal_{0.0F, 0.0F, 1.0F};
-    // Of each lobe, in the order of `found`: where it is cached, its point's kernel and position.
+    std::array<Mixture, most_mixtures> mixtures_;
+    size_t size_ = 0;
+    size_t lobe_count_ = 0;
+    // Of each lobe: where it is cached, its point's kernel and position, the shading point.
     AlignedArray<uint32_t> cached_;
-    Array kernel_, from_x_, from_y_, from_z_;
-    // At the shading point.
+    Array kernel_, from_x_, from_y_, from_z_, to_x_, to_y_, to_z_;
+    // At the shading point. Vectors may reach behind a mixture's last lobe.
     std::array<Array, 9> lobe_;  ///< Axis, row1 and row2, coordinate by coordinate.
     Array weight_;               ///< Probability of the lobe.
     Array density_;              ///< Factor of relative_density.

@@ -137,7 +137,8 @@ Triple<F> moved_point(const CachedSlopeLobe<F>& lobe, const PlaneMove<F>& move, 
     return lobe.y + along - lobe.normal * (F(0.5F) * dot(along, turn));
 }
 
-/// Two steps of Newton's method with one Jacobian, the second one from where the surface bends to.
+/// Two steps of Newton's method with one Jacobian, the second one from where the surface bends to. Where the first one
+/// does not bring the slope nearer to the cached one, the point stays.
 template <class F>
 PlaneMove<F> newton_move(const CachedSlopeLobe<F>& lobe, const Triple<F>& x, const F& limit) {
     const SlopeAtPoint<F> start = slope_at(lobe, x, lobe.y, lobe.normal, lobe.tangent);
@@ -146,14 +147,21 @@ PlaneMove<F> newton_move(const CachedSlopeLobe<F>& lobe, const Triple<F>& x, con
         const F c1 = at.slope1 - lobe.slope1, c2 = at.slope2 - lobe.slope2;
         return {step.s11 * c1 + step.s12 * c2, step.s21 * c1 + step.s22 * c2};
     };
+    const auto squared_residual = [&](const SlopeAtPoint<F>& at) {
+        const F c1 = at.slope1 - lobe.slope1, c2 = at.slope2 - lobe.slope2;
+        return c1 * c1 + c2 * c2;
+    };
     const PlaneMove<F> first = limited(move_by(start), limit);
     const Triple<F> turn = lobe.dn1 * first.delta1 + lobe.dn2 * first.delta2;
     const Triple<F> turned = lobe.normal + turn;
     const Triple<F> normal = turned * reciprocal_square_root(dot(turned, turned));
     const Triple<F> across = lobe.tangent - normal * dot(lobe.tangent, normal);
     const Triple<F> tangent = across * reciprocal_square_root(dot(across, across));
-    const PlaneMove<F> second = move_by(slope_at(lobe, x, moved_point(lobe, first, turn), normal, tangent));
-    return limited({first.delta1 + second.delta1, first.delta2 + second.delta2}, limit);
+    const SlopeAtPoint<F> there = slope_at(lobe, x, moved_point(lobe, first, turn), normal, tangent);
+    const PlaneMove<F> second = move_by(there);
+    const PlaneMove<F> both = limited({first.delta1 + second.delta1, first.delta2 + second.delta2}, limit);
+    const auto nearer = squared_residual(there) <= squared_residual(start);
+    return {select(nearer, both.delta1, F(0.0F)), select(nearer, both.delta2, F(0.0F))};
 }
 
 /// The cached lobe of a point at x_c as it is at x.

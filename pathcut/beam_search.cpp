@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "pathcut/beam_descent.h"
+#include "pathcut/solver_timer.h"
 
 namespace nephroid {
 
@@ -148,6 +149,7 @@ class ReceiverSearch {
     /// From `start`, or the triangles' centres.
     bool solve_exact(const Candidate& candidate, const ChainPosition* start, std::vector<FoundPath>& found) {
         ++statistics_.solves;
+        const SolverTimer timer(statistics_.solver_seconds);
         SolverOptions exact = options_;
         exact.relaxed = false;
         exact.start = start;
@@ -163,6 +165,7 @@ class ReceiverSearch {
 
     void solve_relaxed(const Candidate& candidate, std::vector<FoundPath>& found) {
         ++statistics_.solves;
+        const SolverTimer timer(statistics_.solver_seconds);
         PerVertex<uint32_t> triangles = candidate.triangles;
         const auto chain = std::span(triangles).first(length_);
         SolverWork work;

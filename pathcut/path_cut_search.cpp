@@ -11,6 +11,7 @@
 #include "pathcut/path_merging.h"
 #include "pathcut/skimming.h"
 #include "pathcut/slope_triangle.h"
+#include "pathcut/solver_timer.h"
 
 namespace nephroid {
 
@@ -394,6 +395,7 @@ class GroupSearch {
 
     void solve(const PathCut& cut, const PerVertex<uint32_t>& triangles, const SolverOptions& solver) {
         ++statistics.solves;
+        const SolverTimer timer(statistics.solver_seconds);
         const TupleSolution solution =
             solve_tuple(reflectors_, std::span(triangles).first(cut.length), to_vec3(cut.receiver_bound.centre),
                         light(), options_.selection, solver);

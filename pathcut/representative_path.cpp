@@ -15,6 +15,7 @@ SearchStatistics& SearchStatistics::operator+=(const SearchStatistics& other) {
     dropped_cuts += other.dropped_cuts;
     dropped_beams += other.dropped_beams;
     cut_short += other.cut_short;
+    solver_seconds += other.solver_seconds;
     return *this;
 }
 

@@ -29,18 +29,19 @@ struct RepresentativePath {
 };
 
 struct SearchStatistics {
-    uint64_t nodes_visited = 0;  ///< Path cuts whose children were tested.
-    uint64_t leaf_cuts = 0;      ///< Triangle tuples of single receivers that no bound rejected.
-    uint64_t solves = 0;         ///< Of these, what the linear test left for the solver.
-    uint64_t exact = 0;          ///< Solves that ended in an exact path,
-    uint64_t relaxed = 0;        ///< or in an accepted smallest slope.
-    uint64_t iterations = 0;     ///< Linear systems solved by all solves.
-    uint64_t continued = 0;      ///< Relaxed paths dropped because the neighbouring triangle goes on downhill.
-    uint64_t merged = 0;         ///< Paths dropped for a better one close by.
-    uint64_t occluded = 0;       ///< Paths dropped because something is in the way.
-    uint64_t dropped_cuts = 0;   ///< Path cuts left unvisited when the budget was used up.
-    uint64_t dropped_beams = 0;  ///< Beams left out; see SearchOptions::max_beams.
-    uint64_t cut_short = 0;      ///< Receivers that such cuts belong to.
+    uint64_t nodes_visited = 0;   ///< Path cuts whose children were tested.
+    uint64_t leaf_cuts = 0;       ///< Triangle tuples of single receivers that no bound rejected.
+    uint64_t solves = 0;          ///< Of these, what the linear test left for the solver.
+    uint64_t exact = 0;           ///< Solves that ended in an exact path,
+    uint64_t relaxed = 0;         ///< or in an accepted smallest slope.
+    uint64_t iterations = 0;      ///< Linear systems solved by all solves.
+    uint64_t continued = 0;       ///< Relaxed paths dropped because the neighbouring triangle goes on downhill.
+    uint64_t merged = 0;          ///< Paths dropped for a better one close by.
+    uint64_t occluded = 0;        ///< Paths dropped because something is in the way.
+    uint64_t dropped_cuts = 0;    ///< Path cuts left unvisited when the budget was used up.
+    uint64_t dropped_beams = 0;   ///< Beams left out; see SearchOptions::max_beams.
+    uint64_t cut_short = 0;       ///< Receivers that such cuts belong to.
+    double solver_seconds = 0.0;  ///< Of all solves, summed over the threads.
 
     SearchStatistics& operator+=(const SearchStatistics& other);
 };

@@ -56,11 +56,13 @@ Scheme guided_scheme(const std::string& name, const Receiver& receiver, const Mi
     std::array<FoundPoint, Mixture::most_points> found;
     const size_t count = mixtures.cache.lookup.find(receiver.position, receiver.geometric_normal, found);
     mixture = std::make_unique<Mixture>(mixtures.cache, mixtures.options);
-    const float fraction =
-        mixture->prepare(std::span(found).first(count), receiver.position, receiver.geometric_normal);
+    mixture->clear();
+    if (count > 0) mixture->add(std::span(found).first(count), receiver.position, receiver.geometric_normal);
+    mixture->prepare();
+    const float fraction = count > 0 ? mixture->fraction(0) : 0.0F;
     return {name, [&receiver, &mixture, fraction](const Vec3& w) {
                 return (1.0F - fraction) * cosine_pdf(receiver, w) +
-                       (fraction > 0.0F ? fraction * mixture->pdf(w) : 0.0F);
+                       (fraction > 0.0F ? fraction * mixture->pdf(0, w) : 0.0F);
             }};
 }
 
@@ -109,14 +111,14 @@ class Benchmark {
         std::vector<PointResult> results;
         std::vector<std::string> names;
         for (const Receiver& point : points) {
-            std::unique_ptr<SlopeMixture> mixture, warped;
-            std::unique_ptr<SgMixture> sg_mixture, sg_warped;
+            std::unique_ptr<SlopeMixtures> mixture, warped;
+            std::unique_ptr<SgMixtures> sg_mixture, sg_warped;
             const std::vector<Scheme> schemes{{"path", [&point](const Vec3& w) { return cosine_pdf(point, w); }},
                                               guided_scheme("sg exact", point, sg_exact, sg_mixture),
                                               guided_scheme("sg cached", point, sg_cached, sg_warped),
                                               guided_scheme("slope exact", point, slope_exact, mixture),
                                               guided_scheme("slope cached", point, slope_cached, warped)};
-            if (mixture->lobe_count() == 0) continue;
+            if (mixture->lobe_count(0) == 0) continue;
             names.clear();
             for (const Scheme& scheme : schemes) names.push_back(scheme.name);
             results.push_back(measure(point, found.lights.front(), *mixture, schemes));
@@ -134,31 +136,29 @@ class Benchmark {
   private:
     /// Points of the picture other than cached ones, of rough surfaces.
     std::vector<Receiver> shading_points() const {
-        GuidedSettings settings;
-        settings.cached_points = options_.points;
         RenderContext other = context_;
         other.seed = 77;
-        std::vector<Receiver> points = choose_receivers(other, view(), settings);
+        std::vector<Receiver> points = choose_receivers(other, view(), options_.points);
         std::erase_if(points, [](const Receiver& r) { return r.alpha <= max_caster_alpha; });
         return points;
     }
     GuidedView view() const { return {options_.width, options_.height, {0, 0, options_.width, options_.height}}; }
     std::vector<Receiver> cached(const GuidedSettings& settings) const {
-        return choose_receivers(context_, view(), settings);
+        return choose_receivers(context_, view(), settings.cached_points);
     }
     GuidedPaths paths_to(const std::vector<Receiver>& receivers, const GuidedSettings& settings) const {
         GuidedStatistics statistics;
         return find_guided_paths(context_, casters_, receivers, settings, statistics);
     }
-    MixtureCache<SlopeMixture> slope_cache(const std::vector<Receiver>& receivers,
-                                           const GuidedSettings& settings) const {
+    MixtureCache<SlopeMixtures> slope_cache(const std::vector<Receiver>& receivers,
+                                            const GuidedSettings& settings) const {
         return {make_slope_cache(context_, paths_to(receivers, settings), settings), SlopeMixtureOptions()};
     }
-    MixtureCache<SgMixture> sg_cache(const std::vector<Receiver>& receivers, const GuidedSettings& settings) const {
+    MixtureCache<SgMixtures> sg_cache(const std::vector<Receiver>& receivers, const GuidedSettings& settings) const {
         return {make_sg_cache(context_, paths_to(receivers, settings), settings), SgMixtureOptions()};
     }
 
-    PointResult measure(const Receiver& point, const PathLight& light, const SlopeMixture& proposal,
+    PointResult measure(const Receiver& point, const PathLight& light, const SlopeMixtures& proposal,
                         const std::vector<Scheme>& schemes) const {
         PointResult result;
         std::vector<double> squares(schemes.size(), 0.0);
@@ -168,12 +168,12 @@ class Benchmark {
             const auto [u, v] = sample_2d(SamplerKind::sobol, 1U, i, 1);
             const Vec3 w =
                 choice < 0.5F
-                    ? proposal.sample(std::min(2.0F * choice, 0.999999F), u, v)
+                    ? proposal.sample(0, std::min(2.0F * choice, 0.999999F), u, v)
                     : to_vec3(
                           make_frame(to_triple(point.geometric_normal)).to_world(square_to_cosine_hemisphere(u, v)));
             const float cosine = glm::dot(point.geometric_normal, w);
             if (!(cosine > 0.0F)) continue;
-            const double pdf = 0.5 * double{proposal.pdf(w)} + 0.5 * double{cosine_pdf(point, w)};
+            const double pdf = 0.5 * double{proposal.pdf(0, w)} + 0.5 * double{cosine_pdf(point, w)};
             const double integrand = double{reflected_radiance(context_, point, light, w)} * double{cosine};
             if (!(integrand > 0.0)) continue;
             sum += integrand / pdf;

@@ -2,7 +2,7 @@
 # Installs what is missing, builds, and runs every test: sh tests/run.sh
 #
 # 1. unit, statistical and command-line tests of the optimised build, with the comparison against Mitsuba 3
-# 2. the tests of everything that reads files, and of the path-cut search, under address and undefined-behaviour sanitizers
+# 2. the tests of everything that reads files, of the path-cut search and of the cache's look-up, and small renders, under address and undefined-behaviour sanitizers
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -25,6 +25,6 @@ cmake --preset asan -DNEPHROID_TESTS=ON >/dev/null
 cmake --build build/asan --target nephroid_tests render
 
 echo "tests: sanitizers"
-ctest --test-dir build/asan --output-on-failure -R '^(test_gltf|test_gltf_material|test_gltf_node|test_malformed|test_texture|test_core|test_densify|test_pathcut_(extremes|invariance|parts|search)|smoke)'
+ctest --test-dir build/asan --output-on-failure -R '^(test_gltf|test_gltf_material|test_gltf_node|test_malformed|test_texture|test_core|test_densify|test_cached_points|test_pathcut_(extremes|invariance|parts|search)|smoke)'
 echo "tests: optimised build"
 ctest --test-dir build/release --output-on-failure

@@ -73,10 +73,10 @@ testing::Picture render_guided(const CausticScene& caustic, const Render& option
     };
     if (settings.lobe == LobeKind::slope) {
         const auto& made = *integrator.slope_lobes();
-        return render_changed(MixtureCache<SlopeMixture>(made.cache, made.options), change.slope);
+        return render_changed(MixtureCache<SlopeMixtures>(made.cache, made.options), change.slope);
     }
     const auto& made = *integrator.spherical_gaussians();
-    return render_changed(MixtureCache<SgMixture>(made.cache, made.options), change.sg);
+    return render_changed(MixtureCache<SgMixtures>(made.cache, made.options), change.sg);
 }
 
 /// Sums over 4 x 4 blocks and all channels, compared with the Sidak correction.

@@ -241,14 +241,15 @@ TEST_CASE("a mixture's samples match its density (chi-square)") {
             cache.points[0].lobe_count = static_cast<uint32_t>(count);
             cache.points[0].fraction = 0.5F;
             cache.lobes = lobes;
-            SgMixture mixture(cache, SgMixtureOptions());
+            SgMixtures mixture(cache, SgMixtureOptions());
             const FoundPoint found{};
-            CHECK(mixture.prepare({&found, 1}, x, normal) == 0.5F);
+            mixture.add({&found, 1}, x, normal);
+            CHECK(mixture.fraction(0) == 0.5F);
             const auto result = testing::chi_square_directions(
                 [&](Vec2 u, float choice) -> testing::DirectionDraw {
-                    return {mixture.sample(choice, u.x, u.y), true};
+                    return {mixture.sample(0, choice, u.x, u.y), true};
                 },
-                [&](const Vec3& d) { return double{mixture.pdf(d)}; }, mirror_axis(lobes[0], x),
+                [&](const Vec3& d) { return double{mixture.pdf(0, d)}; }, mirror_axis(lobes[0], x),
                 0.03 / std::sqrt(double{sharpness}));
             INFO("lobes ", count, " sharpness ", sharpness, " ", result.worst_bin);
             CHECK(result.p_value > 1e-4);

@@ -1,13 +1,10 @@
 // The specular paths that the path-cut search finds in a scene, as JSON on standard output: to draw, or to look at one.
 //
 // pathcut_paths SCENE.glb [--receivers N] [--bounces K] [--size WxH] [--camera NAME]
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
-#include <exception>
 #include <iostream>
-#include <new>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -15,6 +12,7 @@
 #include <vector>
 
 #include "accel/surface.h"
+#include "apps/command.h"
 #include "core/casters.h"
 #include "core/gltf.h"
 #include "pathcut/densify.h"
@@ -62,16 +60,7 @@ std::optional<Options> parse_options(int argc, char** argv) {
         ->check(CLI::Range(1, static_cast<int>(max_chain_length)));
     app.add_option("--size", size, "film WxH: which part of the scene the camera sees [1024x768]");
     app.add_option("--camera", options.camera, "camera by name [first]");
-    try {
-        app.parse(argc, argv);
-    } catch (const CLI::Success& request) {
-        app.exit(request);
-        return std::nullopt;
-    } catch (const CLI::ParseError& error) {
-        std::string what = error.what();
-        std::replace(what.begin(), what.end(), '\n', ' ');
-        throw Error(ExitCode::usage, "command line: " + what + "; see --help");
-    }
+    if (!parse_command_line(app, argc, argv)) return std::nullopt;
     if (!size.empty()) parse_size(size, options);
     return options;
 }
@@ -214,24 +203,14 @@ void print_paths(const Scene& scene, const Search& search) {
 }
 
 int run(int argc, char** argv) {
-    ExitCode code = ExitCode::done;
-    try {
+    return run_command("pathcut_paths", "ask for fewer receivers", [&] {
         const std::optional<Options> options = parse_options(argc, argv);
         if (options) {
             const Scene scene = load_scene(*options);
             print_paths(scene, search(scene, choose_camera(scene, *options), *options));
         }
-    } catch (const Error& error) {
-        std::fprintf(stderr, "error: %s\n", error.what());
-        code = error.code();
-    } catch (const std::bad_alloc&) {
-        std::fprintf(stderr, "error: pathcut_paths: out of memory; ask for fewer receivers\n");
-        code = ExitCode::render_failed;
-    } catch (const std::exception& error) {
-        std::fprintf(stderr, "error: pathcut_paths: %s; please report this\n", error.what());
-        code = ExitCode::render_failed;
-    }
-    return static_cast<int>(code);
+        return ExitCode::done;
+    });
 }
 
 }  // namespace

@@ -3,10 +3,9 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <exception>
 #include <filesystem>
-#include <new>
 
+#include "apps/command.h"
 #include "apps/render/info.h"
 #include "apps/render/inspect.h"
 #include "apps/render/options.h"
@@ -143,6 +142,7 @@ void print_warnings(Warnings& warnings) {
 GuidedSettings guided_settings(const Parameters& parameters) {
     GuidedSettings settings;
     settings.cached_points = static_cast<uint32_t>(number_of(parameters, "cached_points"));
+    settings.search_seconds = number_of(parameters, "search_seconds");
     settings.bounces = static_cast<int>(number_of(parameters, "bounces"));
     settings.lobe = parameters.at("lobe") == "slope" ? LobeKind::slope : LobeKind::spherical_gaussian;
     settings.acceptance.epsilon = number_of(parameters, "epsilon");
@@ -262,21 +262,10 @@ ExitCode render(const Options& options, Clock::time_point process_start) {
 int run(int argc, char** argv) {
     const Clock::time_point process_start = process_start_time();
     install_interrupt_handlers();
-    ExitCode code = ExitCode::done;
-    try {
+    return run_command("render", "free memory or reduce the scene or image size", [&] {
         const std::optional<Options> options = parse_options(argc, argv);
-        if (options) code = render(*options, process_start);
-    } catch (const Error& error) {
-        std::fprintf(stderr, "error: %s\n", error.what());
-        code = error.code();
-    } catch (const std::bad_alloc&) {
-        std::fprintf(stderr, "error: render: out of memory; free memory or reduce the scene or image size\n");
-        code = ExitCode::render_failed;
-    } catch (const std::exception& error) {
-        std::fprintf(stderr, "error: render: %s; please report this\n", error.what());
-        code = ExitCode::render_failed;
-    }
-    return static_cast<int>(code);
+        return options ? render(*options, process_start) : ExitCode::done;
+    });
 }
 
 }  // namespace

@@ -1,11 +1,11 @@
 #include "apps/render/options.h"
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <thread>
 
+#include "apps/command.h"
 #include "core/error.h"
 
 namespace nephroid {
@@ -162,16 +162,7 @@ std::optional<Options> parse_options(int argc, char** argv) {
     app.add_flag("-v", verbose, "more output");
     app.set_version_flag("--version", std::string("nephroid render " NEPHROID_VERSION));
 
-    try {
-        app.parse(argc, argv);
-    } catch (const CLI::Success& request) {
-        app.exit(request);
-        return std::nullopt;
-    } catch (const CLI::ParseError& error) {
-        std::string what = error.what();
-        std::replace(what.begin(), what.end(), '\n', ' ');
-        usage_error("command line", what + "; see --help");
-    }
+    if (!parse_command_line(app, argc, argv)) return std::nullopt;
     if (list_parameters) {
         print_parameters();
         return std::nullopt;

@@ -97,6 +97,13 @@ std::vector<ParameterDescription> guided_parameters() {
          "about so many points of the picture get a mixture: more is less noise per sample and a later start",
          {},
          NumberRange{1.0, 1e7, true}},
+        {"search_seconds",
+         "0.001..100000",
+         "5",
+         "fewer cached points where finding their paths of one reflection would take about so many processor seconds: "
+         "for rough casters; counted, not timed, so that the picture is the same on every machine",
+         {},
+         NumberRange{1e-3, 1e5, false}},
         sampler_parameter(),
     };
 }

@@ -16,81 +16,100 @@ namespace nephroid {
 
 namespace {
 
-constexpr uint32_t path_count = 32;
-constexpr uint32_t path_depth = 3;  // Scatterings: later ones add little to what is only a weight.
+constexpr std::array<float, 8> candidates{0.1F, 0.25F, 0.4F, 0.55F, 0.7F, 0.8F, 0.88F, 0.94F};
+using Moments = std::array<double, candidates.size()>;
+
+constexpr uint32_t path_count = 64;
 constexpr size_t shared_points = 16;
-constexpr float least_fraction = 0.1F;
-constexpr float most_fraction = 0.9F;
-constexpr uint32_t estimator_seed = 0x6c8e9cf5U;
+constexpr uint32_t trial_seed = 0x6c8e9cf5U;
 
-/// A lobe's estimate varies by its own standard deviation beside its mean: about 0.7 of it.
-constexpr double lobe_second_moment = 1.5;
-
-/// Samples what arrives at points without having been a caustic.
-class OtherLight {
+/// Tries fractions at one cached point after the other.
+class FractionTrial {
   public:
-    explicit OtherLight(const RenderContext& context)
-        : worker_(context, nullptr), rays_(path_count), seed_(context.seed ^ estimator_seed) {}
+    FractionTrial(const RenderContext& context, const SlopeCache& cache, const SlopeMixtureOptions& options)
+        : lookup_(cache.lookup),
+          mixtures_(cache, options),
+          worker_(context, nullptr),
+          rays_(path_count),
+          seed_(context.seed ^ trial_seed) {}
 
-    /// Second moment of one BSDF sample's estimate of the irradiance at a diffuse receiver, (W/m^2)^2 of luminance.
-    double second_moment(const Receiver& receiver, uint32_t index) {
-        rays_.count = 0;
-        const Frame<float> frame = make_frame(to_triple(receiver.geometric_normal));
-        std::array<uint32_t, path_count> seeds;
-        for (uint32_t i = 0; i < path_count; ++i) {
-            seeds[i] = pixel_seed(index, i, seed_);
-            const auto [u, v] = sample_2d(SamplerKind::sobol, pixel_seed(index, path_count, seed_), i, 0);
-            const Vec3 direction = to_vec3(frame.to_world(square_to_cosine_hemisphere(u, v)));
-            rays_.push(offset_ray_origin(receiver.position, receiver.error, receiver.geometric_normal, direction),
-                       direction);
-        }
-        worker_.incident_radiance(rays_, seeds, 0, samples_);
-        double squares = 0.0;
-        for (size_t i = 0; i < path_count; ++i) {
-            Rgb other;
-            for (int c = 0; c < 3; ++c) other[c] = samples_.radiance[c][i] - samples_.caustic[c][i];
-            const double value = double{luminance(other)};
-            if (std::isfinite(value)) squares += value * value;
-        }
-        return double{pi} * double{pi} * squares / path_count;
+    /// Second moments of one sample's estimate of the irradiance at a diffuse receiver, (W/m^2)^2 of luminance; zero
+    /// where there are no lobes.
+    Moments moments(const Receiver& receiver, uint32_t index) {
+        std::array<FoundPoint, SlopeMixtures::most_points> found;
+        const size_t count = lookup_.find(receiver.position, receiver.geometric_normal, found);
+        Moments sums{};
+        if (count == 0) return sums;
+        mixtures_.clear();
+        mixtures_.add(std::span(found).first(count), receiver.position, receiver.geometric_normal);
+        mixtures_.prepare();
+        if (mixtures_.fraction(0) == 0.0F) return sums;
+        choose_directions(receiver, index);
+        worker_.incident_radiance(rays_, seeds_, 0, samples_);
+        for (size_t i = 0; i < rays_.count; ++i) add_sample(receiver, i, sums);
+        return sums;
     }
 
   private:
+    void choose_directions(const Receiver& receiver, uint32_t index) {
+        const Frame<float> frame = make_frame(to_triple(receiver.geometric_normal));
+        rays_.count = 0;
+        for (uint32_t i = 0; i < path_count; ++i) {
+            const uint32_t point_seed = pixel_seed(index, 0U, seed_);
+            const auto [u, v] = sample_2d(SamplerKind::sobol, point_seed, i, 0);
+            const float choice = sample_1d(SamplerKind::sobol, point_seed, i, 1);
+            const Vec3 direction = choice < 0.5F ? mixtures_.sample(0, std::min(2.0F * choice, 0.999999F), u, v)
+                                                 : to_vec3(frame.to_world(square_to_cosine_hemisphere(u, v)));
+            if (!(glm::dot(receiver.geometric_normal, direction) > 0.0F)) continue;
+            seeds_[rays_.count] = pixel_seed(index, i + 1, seed_);
+            rays_.push(offset_ray_origin(receiver.position, receiver.error, receiver.geometric_normal, direction),
+                       direction);
+        }
+    }
+
+    void add_sample(const Receiver& receiver, size_t i, Moments& sums) const {
+        const Rgb radiance(samples_.radiance[0][i], samples_.radiance[1][i], samples_.radiance[2][i]);
+        const Vec3 direction = rays_.direction(i);
+        const double cosine = double{glm::dot(receiver.geometric_normal, direction)};
+        const double integrand = double{luminance(radiance)} * cosine;
+        const double bsdf_pdf = cosine * double{inv_pi}, guide_pdf = double{mixtures_.pdf(0, direction)};
+        const double tried = integrand * integrand / (0.5 * (bsdf_pdf + guide_pdf));
+        if (!std::isfinite(tried)) return;
+        for (size_t k = 0; k < candidates.size(); ++k) {
+            const double b = double{candidates[k]};
+            sums[k] += tried / (b * guide_pdf + (1.0 - b) * bsdf_pdf);
+        }
+    }
+
+    const CachedPointLookup& lookup_;
+    SlopeMixtures mixtures_;
     PathWorker worker_;
     RayBatch rays_;
+    std::array<uint32_t, path_count> seeds_{};
     SampleBuffer samples_;
     uint32_t seed_;
 };
 
-std::vector<double> second_moments(const RenderContext& context, std::span<const Receiver> receivers) {
-    RenderContext caustics_apart = context;
-    caustics_apart.max_depth = std::min(context.max_depth, path_depth);
-    caustics_apart.aovs.caustic = true;
-    tbb::enumerable_thread_specific<std::unique_ptr<OtherLight>> threads;
-    std::vector<double> moments(receivers.size());
-    tbb::parallel_for(size_t{0}, receivers.size(), [&](size_t i) {
-        auto& light = threads.local();
-        if (!light) light = std::make_unique<OtherLight>(caustics_apart);
-        moments[i] = light->second_moment(receivers[i], static_cast<uint32_t>(i));
-    });
-    return moments;
-}
-
 }  // namespace
 
 std::vector<float> guide_fractions(const RenderContext& context, std::span<const Receiver> receivers,
-                                   std::span<const float> caustic, const CachedPointLookup& lookup) {
-    const std::vector<double> moments = second_moments(context, receivers);
-    std::vector<float> fractions(receivers.size(), 0.0F);
+                                   const SlopeCache& cache, const SlopeMixtureOptions& options) {
+    tbb::enumerable_thread_specific<std::unique_ptr<FractionTrial>> threads;
+    std::vector<Moments> moments(receivers.size());
+    tbb::parallel_for(size_t{0}, receivers.size(), [&](size_t i) {
+        auto& trial = threads.local();
+        if (!trial) trial = std::make_unique<FractionTrial>(context, cache, options);
+        moments[i] = trial->moments(receivers[i], static_cast<uint32_t>(i));
+    });
+    std::vector<float> fractions(receivers.size());
     for (size_t i = 0; i < receivers.size(); ++i) {
-        if (!(caustic[i] > 0.0F)) continue;
         std::array<FoundPoint, shared_points> found;
-        const size_t count = lookup.find(receivers[i].position, receivers[i].geometric_normal, found);
-        double other = moments[i];
-        for (const FoundPoint& near : std::span(found).first(count)) other += moments[near.index];
-        other = std::sqrt(other / static_cast<double>(count + 1));
-        const double guided = std::sqrt(lobe_second_moment) * double{caustic[i]};
-        fractions[i] = std::clamp(static_cast<float>(guided / (guided + other)), least_fraction, most_fraction);
+        const size_t count = cache.lookup.find(receivers[i].position, receivers[i].geometric_normal, found);
+        Moments sums = moments[i];
+        for (const FoundPoint& near : std::span(found).first(count)) {
+            for (size_t k = 0; k < sums.size(); ++k) sums[k] += moments[near.index][k];
+        }
+        fractions[i] = candidates[static_cast<size_t>(std::min_element(sums.begin(), sums.end()) - sums.begin())];
     }
     return fractions;
 }

@@ -17,8 +17,10 @@ std::optional<GuideFacts> facts_of(const MixtureCache<Mixture>& mixtures, const 
     const size_t count = mixtures.cache.lookup.find(position, normal, found);
     if (count == 0) return std::nullopt;
     Mixture mixture(mixtures.cache, mixtures.options);
-    mixture.prepare(std::span(found).first(count), position, normal);
-    return GuideFacts{std::sqrt(found[0].squared_distance), mixture.lobe_count(), mixture.heaviest()};
+    mixture.clear();
+    mixture.add(std::span(found).first(count), position, normal);
+    mixture.prepare();
+    return GuideFacts{std::sqrt(found[0].squared_distance), mixture.lobe_count(0), mixture.heaviest(0)};
 }
 
 }  // namespace
@@ -32,7 +34,8 @@ GuidedIntegrator::GuidedIntegrator(const RenderContext& context, const CasterRep
     if (!has_casters || casters.small_lights.empty() || context.max_depth < 2) return;
     if (settings.guide_fraction && *settings.guide_fraction <= 0.0F) return;
     Stopwatch stopwatch;
-    std::vector<Receiver> receivers = choose_receivers(context, view, settings);
+    const uint32_t points = affordable_points(context, casters, view, settings);
+    std::vector<Receiver> receivers = choose_receivers(context, view, points);
     statistics_.seconds_receivers = stopwatch.lap();
     const GuidedPaths found = find_guided_paths(context, casters, std::move(receivers), settings, statistics_);
     stopwatch.lap();
@@ -84,6 +87,7 @@ std::optional<IntegratorStatistics> GuidedIntegrator::statistics() const {
                                 {{"seconds_receivers", s.seconds_receivers},
                                  {"seconds_hierarchy", s.seconds_hierarchy},
                                  {"seconds_search", s.seconds_search},
+                                 {"seconds_solve", s.seconds_solve},
                                  {"seconds_lobes", s.seconds_lobes}}};
 }
 

@@ -49,14 +49,14 @@ class GuidedIntegrator final : public Integrator {
     const RenderContext& context() const { return context_; }
 
     /// Null where lobes are of the other kind, or where nothing is to be guided to.
-    const MixtureCache<SgMixture>* spherical_gaussians() const { return spherical_gaussians_.get(); }
-    const MixtureCache<SlopeMixture>* slope_lobes() const { return slope_lobes_.get(); }
+    const MixtureCache<SgMixtures>* spherical_gaussians() const { return spherical_gaussians_.get(); }
+    const MixtureCache<SlopeMixtures>* slope_lobes() const { return slope_lobes_.get(); }
 
   private:
     const RenderContext& context_;
     GuidedStatistics statistics_;
-    std::unique_ptr<MixtureCache<SgMixture>> spherical_gaussians_;
-    std::unique_ptr<MixtureCache<SlopeMixture>> slope_lobes_;
+    std::unique_ptr<MixtureCache<SgMixtures>> spherical_gaussians_;
+    std::unique_ptr<MixtureCache<SlopeMixtures>> slope_lobes_;
 };
 
 }  // namespace nephroid

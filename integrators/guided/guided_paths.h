@@ -20,14 +20,20 @@ struct GuidedPaths {
     RepresentativePaths paths;
 };
 
-/// Points where the camera looks.
-std::vector<Receiver> choose_receivers(const RenderContext& context, const GuidedView& view,
-                                       const GuidedSettings& settings);
+/// Points where the camera looks, about `count`.
+std::vector<Receiver> choose_receivers(const RenderContext& context, const GuidedView& view, uint32_t count);
+
+/// How many points the settings' search_seconds allow.
+uint32_t affordable_points(const RenderContext& context, const CasterReport& casters, const GuidedView& view,
+                           const GuidedSettings& settings);
 
 /// Deterministic: depends on the arguments, not on the number of threads.
 GuidedPaths find_guided_paths(const RenderContext& context, const CasterReport& casters,
                               std::vector<Receiver> receivers, const GuidedSettings& settings,
                               GuidedStatistics& statistics);
+
+/// Whether any path has more than one reflection.
+bool has_long_paths(const GuidedPaths& found);
 
 /// A path's vertices with their materials, from the receiver's side on.
 PerVertex<GlossyVertex> glossy_vertices(const RenderContext& context, const GuidedPaths& found,

@@ -19,7 +19,11 @@ enum class LobeKind : uint8_t {
 struct GuidedSettings {
     LobeKind lobe = LobeKind::slope;
     uint32_t cached_points = 10000;  ///< About so many; more follow the caustic's shape better and take longer to make.
-    int bounces = 2;                 ///< Reflections of the longest paths; 1 .. max_chain_length.
+    /// Fewer points where paths of one reflection to all of them would take longer than about so many processor
+    /// seconds, told from the number of solves that some of them take: not from a clock, so that the picture does not
+    /// depend on the machine.
+    double search_seconds = 5.0;
+    int bounces = 2;  ///< Reflections of the longest paths; 1 .. max_chain_length.
     /// Which paths count: below this normal distribution (Eq. 1), or within this multiple of alpha if it is above zero.
     AcceptanceOptions acceptance{.epsilon = 0.01, .alpha_multiple = 6.0};
     bool newton = true;           ///< Otherwise the triangles' centres stand for the paths' vertices (Fig. 13).
@@ -57,6 +61,7 @@ struct GuidedStatistics {
     double seconds_receivers = 0.0;
     double seconds_hierarchy = 0.0;
     double seconds_search = 0.0;  ///< Path cuts and Newton solves, which take turns.
+    double seconds_solve = 0.0;   ///< Of these, Newton solves: processor seconds over threads.
     double seconds_lobes = 0.0;
 };
 

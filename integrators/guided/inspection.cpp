@@ -60,21 +60,23 @@ class DirectionSampling {
         }
     }
 
-    /// Densities of at most batch_size unit directions, per solid angle; the guide's fraction of the last is kept.
+    /// Densities of at most batch_size unit directions, per solid angle; the guide's fraction is kept.
     void density(std::span<const Vec3> directions, std::span<float> densities) {
-        for (size_t k = 0; k < directions.size(); ++k) {
-            batch_.direction.set(k, directions[k]);
+        // To prepare a mixture is most of the work, and a query has room for two directions: its own and the light's.
+        const size_t pairs = (directions.size() + 1) / 2;
+        for (size_t k = 0; k < pairs; ++k) {
+            batch_.direction.set(k, directions[2 * k]);
+            light_directions_.set(k, directions[std::min(2 * k + 1, directions.size() - 1)]);
             batch_.u_choice[k] = 0x1.fffffep-1F;  // The guide must not replace the direction: the BSDF's turn.
             batch_.u[k] = batch_.v[k] = 0.5F;
         }
-        ask_guide(directions.size());
-        for (size_t k = 0; k < directions.size(); ++k) {
-            const Triple<float> wi = frame_.to_local(to_triple(directions[k]));
+        ask_guide(pairs, true);
+        for (size_t i = 0; i < directions.size(); ++i) {
+            const Triple<float> wi = frame_.to_local(to_triple(directions[i]));
             const float bsdf_pdf = evaluate_bsdf(vertex_.surface.bsdf, wo_, wi).pdf;
-            const float fraction = batch_.fraction[k];
-            const float guided = fraction > 0.0F ? fraction * batch_.pdf[k] : 0.0F;
-            densities[k] = (1.0F - fraction) * bsdf_pdf + guided;
-            fraction_ = fraction;
+            fraction_ = batch_.fraction[i / 2];
+            const float guide_pdf = i % 2 == 0 ? batch_.pdf[i / 2] : batch_.light_pdf[i / 2];
+            densities[i] = (1.0F - fraction_) * bsdf_pdf + (fraction_ > 0.0F ? fraction_ * guide_pdf : 0.0F);
         }
     }
 
@@ -88,7 +90,7 @@ class DirectionSampling {
         batch_.u_choice[0] = u_choice;
         batch_.u[0] = u;
         batch_.v[0] = v;
-        ask_guide(1);
+        ask_guide(1, false);
         if (batch_.guided[0] == 0.0F && (bsdf.delta || bsdf.wi.z <= 0.0F)) return std::nullopt;
         return batch_.direction.get(0);
     }
@@ -96,8 +98,9 @@ class DirectionSampling {
     float fraction() const { return fraction_; }
 
   private:
-    void ask_guide(size_t count) {
+    void ask_guide(size_t count, bool both) {
         batch_.count = count;
+        batch_.wants_light_pdf = both;
         std::fill_n(batch_.guided.data(), count, 0.0F);
         std::fill_n(batch_.fraction.data(), count, worker_ ? 1.0F : 0.0F);
         if (worker_) worker_->guide({positions_, normals_, light_directions_}, batch_);

@@ -45,6 +45,7 @@ SgCache make_sg_cache(const RenderContext& context, const GuidedPaths& found, co
         cache.lobes.insert(cache.lobes.end(), lobes[i].begin(), lobes[i].end());
     }
     cache.lookup = CachedPointLookup(cache.points);
+    cache.leads_on = has_long_paths(found);
     return cache;
 }
 

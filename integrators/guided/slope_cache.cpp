@@ -19,6 +19,9 @@ constexpr double largest_extent_share = 0.1;
 /// Lobes that bring less than this share of a point's light are dropped: the protective lobe is above them.
 constexpr float least_weight_share = 1e-4F;
 
+/// Until guide_fractions has found a better one.
+constexpr float trial_fraction = 0.5F;
+
 class SlopeLobeMaker {
   public:
     SlopeLobeMaker(const RenderContext& context, const GuidedPaths& found)
@@ -108,17 +111,21 @@ SlopeCache make_slope_cache(const RenderContext& context, const GuidedPaths& fou
     tbb::parallel_for(size_t{0}, count, [&](size_t i) { lobes[i] = maker.lobes_of(i); });
     SlopeCache cache;
     std::vector<CachedSlopeLobe<float>> all;
-    std::vector<float> caustic(count, 0.0F);
     for (size_t i = 0; i < count; ++i) {
         cache.points.push_back(make_cached_point(found.receivers[i], all.size(), lobes[i].size()));
+        cache.points.back().fraction = lobes[i].empty() ? 0.0F : settings.guide_fraction.value_or(trial_fraction);
         all.insert(all.end(), lobes[i].begin(), lobes[i].end());
-        for (const auto& lobe : lobes[i]) caustic[i] += lobe.weight;
     }
     cache.lobes = SlopeLobeArray(all);
     cache.lookup = CachedPointLookup(cache.points);
-    std::vector<float> fractions(count, settings.guide_fraction.value_or(0.0F));
-    if (!settings.guide_fraction) fractions = guide_fractions(context, found.receivers, caustic, cache.lookup);
-    for (size_t i = 0; i < count; ++i) cache.points[i].fraction = lobes[i].empty() ? 0.0F : fractions[i];
+    cache.leads_on = has_long_paths(found);
+    if (settings.guide_fraction) return cache;
+    SlopeMixtureOptions options;
+    options.warp = settings.slope_warp;
+    const std::vector<float> fractions = guide_fractions(context, found.receivers, cache, options);
+    for (size_t i = 0; i < count; ++i) {
+        if (!lobes[i].empty()) cache.points[i].fraction = fractions[i];
+    }
     return cache;
 }
 

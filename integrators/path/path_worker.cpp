@@ -21,6 +21,10 @@ constexpr uint32_t dimension_of(uint32_t bounce, VertexDimension dimension) {
 
 /// Scatterings before Russian roulette: short paths carry most of the light and are never cut.
 constexpr uint32_t roulette_start = 4;
+constexpr float least_survival = 0.05F;
+
+/// Throughput below which a path may end before, where a guide has taken its light already.
+constexpr float spent_throughput = 0.05F;
 
 /// Shadow rays end this far (relative) before their target: two roundings of the segment's length.
 constexpr float segment_end = 1.0F - 4.0F * rounding_bound(1);
@@ -66,6 +70,7 @@ PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* gui
     if (guide == nullptr) return;
     guide_ = guide->make_worker();
     least_guided_alpha_ = guide->least_alpha();
+    guide_leads_on_ = guide->leads_on();
     guided_.emplace(max_slots_per_block);
 }
 
@@ -479,6 +484,16 @@ void PathWorker::add_unoccluded(uint32_t bounce, SampleBuffer& samples) {
     }
 }
 
+// Long paths live on with their throughput's probability. Guided directions have a density so high that little
+// throughput is left after them: the light they are for has been found at the vertex they led to, `before` it scatters,
+// and what follows is hardly worth tracing.
+FloatV PathWorker::survival_probability(const FloatV& before, const FloatV& after, uint32_t bounce) const {
+    const FloatV one(1.0F), least(least_survival);
+    if (bounce + 1 > roulette_start) return minimum(one, maximum(least, after));
+    if (guide_ == nullptr || guide_leads_on_) return one;
+    return minimum(one, maximum(least, before * FloatV(1.0F / spent_throughput)));
+}
+
 // Samples a direction at every vertex; the survivors become the next wave.
 template <bool guided>
 NEPHROID_FLATTEN void PathWorker::scatter(uint32_t bounce) {
@@ -503,9 +518,8 @@ NEPHROID_FLATTEN void PathWorker::scatter(uint32_t bounce) {
         }
         const Triple<FloatV> wi = guided ? guided_->batch.direction.load(k) : frame.to_world(sample.wi);
         Triple<FloatV> weight = vertices_.throughput.load(k) * sample.weight;
-        const FloatV survival = bounce + 1 > roulette_start
-                                    ? minimum(FloatV(1.0F), maximum(FloatV(0.05F), max_component(weight)))
-                                    : FloatV(1.0F);
+        const FloatV survival =
+            survival_probability(max_component(vertices_.throughput.load(k)), max_component(weight), bounce);
         weight = weight * (FloatV(1.0F) / survival);
         const Triple<FloatV> normal = vertices_.geometric_normal.load(k);
         const auto lives =

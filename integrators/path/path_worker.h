@@ -44,6 +44,7 @@ class PathWorker final : public IntegratorWorker {
     void add_unoccluded(uint32_t bounce, SampleBuffer& samples);
     template <bool guided>
     void scatter(uint32_t bounce);
+    FloatV survival_probability(const FloatV& before, const FloatV& after, uint32_t bounce) const;
     BsdfSample<FloatV> guided_sample(size_t k, const Frame<FloatV>& frame) const;
 
     const RenderContext& context_;
@@ -60,7 +61,8 @@ class PathWorker final : public IntegratorWorker {
     LightWave lights_;
     ShadowWave shadows_;
     std::unique_ptr<GuideWorker> guide_;  ///< Null: not guided.
-    float least_guided_alpha_ = 0.0F;
+    float least_guided_alpha_ = 0.0F;     ///< DirectionalGuide::least_alpha.
+    bool guide_leads_on_ = false;         ///< DirectionalGuide::leads_on.
     std::optional<GuidedWave> guided_;
 };
 
