@@ -43,7 +43,6 @@ void SlopeMixtures::clear() {
 
 void SlopeMixtures::add(std::span<const FoundPoint> found, const Vec3& x, const Vec3& normal) {
     Mixture& mixture = mixtures_[size_++];
-    mixture.position = x;
     mixture.normal = normal;
     mixture.first_lobe = static_cast<uint32_t>(lobe_count_);
     float fraction = 0.0F, kernels = 0.0F;

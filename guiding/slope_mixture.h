@@ -56,7 +56,6 @@ class SlopeMixtures {
     static constexpr size_t enough_lobes = 512;  ///< A group's arrays stay in the first-level cache.
 
     struct Mixture {
-        Vec3 position{0.0F};
         Vec3 normal{0.0F, 1.0F, 0.0F};
         float fraction = 0.0F;
         float protective_weight = 1.0F;  ///< What the lobes leave.
