@@ -35,13 +35,16 @@ struct RayBatch {
     AlignedArray<float> t_max;  ///< In units of the direction's length; infinity: no end.
     size_t count = 0;
 
+    void set(size_t i, const Vec3& origin, const Vec3& direction) {
+        origin_x[i] = origin.x;
+        origin_y[i] = origin.y;
+        origin_z[i] = origin.z;
+        direction_x[i] = direction.x;
+        direction_y[i] = direction.y;
+        direction_z[i] = direction.z;
+    }
     void push(const Vec3& origin, const Vec3& direction, float end = std::numeric_limits<float>::infinity()) {
-        origin_x[count] = origin.x;
-        origin_y[count] = origin.y;
-        origin_z[count] = origin.z;
-        direction_x[count] = direction.x;
-        direction_y[count] = direction.y;
-        direction_z[count] = direction.z;
+        set(count, origin, direction);
         t_max[count] = end;
         ++count;
     }

@@ -23,6 +23,20 @@ CameraRays make_camera_rays(const Camera& camera, int width, int height) {
     return {position + corner, right * pixel, up * -pixel, forward, Vec3(0.0F), Vec3(0.0F)};
 }
 
+CameraProjection::CameraProjection(const CameraRays& rays)
+    : parallel_(rays.direction_dx == Vec3(0.0F) && rays.direction_dy == Vec3(0.0F)),
+      origin_(rays.origin_base),
+      forward_(rays.direction_base) {
+    const Vec3 dx = parallel_ ? rays.origin_dx : rays.direction_dx;
+    const Vec3 dy = parallel_ ? rays.origin_dy : rays.direction_dy;
+    const glm::dmat3 basis{glm::dvec3(rays.direction_base), glm::dvec3(dx), glm::dvec3(dy)};
+    const glm::dmat3 rows = glm::transpose(glm::inverse(basis));
+    to_depth_ = Vec3(rows[0]);
+    to_x_ = Vec3(rows[1]);
+    to_y_ = Vec3(rows[2]);
+    density_ = static_cast<float>(1.0 / std::abs(glm::determinant(basis)));
+}
+
 Camera framing_camera(const Vec3& bounds_min, const Vec3& bounds_max) {
     Camera camera;
     camera.name = "framed default";

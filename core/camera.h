@@ -44,6 +44,59 @@ struct CameraRays {
     }
 };
 
+/// Where on the film a point is seen, for light that is traced towards the camera.
+template <class F>
+struct CameraView {
+    F x, y;            ///< Film position in pixels.
+    F depth;           ///< Along the view direction; only what is above zero is in front of the camera.
+    Triple<F> wi;      ///< Unit, from the point to the camera.
+    Triple<F> target;  ///< Where the ray to the camera ends.
+    F pixel_density;   ///< Density of the camera rays of one pixel at the point, per area across the ray (m^-2).
+};
+
+/// The inverse of CameraRays, and the density of its rays. A pixel's mean radiance is the integral over the surfaces
+/// that it sees of radiance times cosine times this density: for a pinhole, rays per solid angle (|d|^3 over
+/// |d . (dx x dy)| for the unnormalised direction d) over squared distance; for parallel rays, one per pixel's area.
+class CameraProjection {
+  public:
+    explicit CameraProjection(const CameraRays& rays);
+
+    template <class F>
+    CameraView<F> view(const Triple<F>& p) const {
+        const Triple<F> v = p - splat<F>(origin_);
+        const F depth = dot(v, splat<F>(to_depth_));
+        if (!parallel_) return view_along(v);
+        const Triple<F> forward = splat<F>(forward_);
+        return {dot(v, splat<F>(to_x_)), dot(v, splat<F>(to_y_)), depth, -forward, p - forward * depth, F(density_)};
+    }
+
+    /// Of the point at the offset v from the pinhole; not for parallel rays.
+    template <class F>
+    CameraView<F> view_along(const Triple<F>& v) const {
+        const F depth = dot(v, splat<F>(to_depth_));
+        const F inverse = F(1.0F) / depth;
+        const F distance = square_root(dot(v, v));
+        // With d = v / depth: |d|^3 / |v|^2.
+        return {dot(v, splat<F>(to_x_)) * inverse,
+                dot(v, splat<F>(to_y_)) * inverse,
+                depth,
+                v * (F(-1.0F) / distance),
+                splat<F>(origin_),
+                F(density_) * distance * (inverse * inverse * inverse)};
+    }
+
+  private:
+    template <class F>
+    static Triple<F> splat(const Vec3& v) {
+        return {F(v.x), F(v.y), F(v.z)};
+    }
+
+    bool parallel_;
+    Vec3 origin_, forward_;
+    Vec3 to_depth_, to_x_, to_y_;  ///< Rows of the inverse of (direction, dx, dy).
+    float density_;
+};
+
 /// Rays for a film of width x height pixels. The vertical extent is the camera's own; the horizontal follows from the
 /// film's shape, so pixels are square.
 CameraRays make_camera_rays(const Camera& camera, int width, int height);

@@ -4,6 +4,7 @@
 #include <limits>
 #include <numeric>
 
+#include "core/scene.h"
 #include "core/simd.h"
 
 namespace nephroid {
@@ -12,32 +13,23 @@ namespace {
 
 constexpr size_t points_per_cell = 6;  // The rest of a block are neighbours.
 
-struct Box {
-    Vec3 low{std::numeric_limits<float>::infinity()};
-    Vec3 high{-std::numeric_limits<float>::infinity()};
+float squared_distance(const Bounds& box, const Vec3& p) {
+    const Vec3 outside = glm::max(glm::max(box.min - p, p - box.max), Vec3(0.0F));
+    return glm::dot(outside, outside);
+}
 
-    void extend(const Vec3& p) {
-        low = glm::min(low, p);
-        high = glm::max(high, p);
-    }
-    float squared_distance(const Vec3& p) const {
-        const Vec3 outside = glm::max(glm::max(low - p, p - high), Vec3(0.0F));
-        return glm::dot(outside, outside);
-    }
-};
-
-Box box_of(const std::vector<CachedPoint>& points, std::span<const uint32_t> indices) {
-    Box box;
+Bounds bounds_of(const std::vector<CachedPoint>& points, std::span<const uint32_t> indices) {
+    Bounds box;
     for (const uint32_t i : indices) box.extend(points[i].position);
     return box;
 }
 
 /// The `count` candidates nearest to the box, in no particular order.
-std::vector<uint32_t> nearest_candidates(const std::vector<CachedPoint>& points, const Box& box,
+std::vector<uint32_t> nearest_candidates(const std::vector<CachedPoint>& points, const Bounds& box,
                                          std::span<const uint32_t> candidates, size_t count) {
     std::vector<std::pair<float, uint32_t>> ranked;
     ranked.reserve(candidates.size());
-    for (const uint32_t i : candidates) ranked.emplace_back(box.squared_distance(points[i].position), i);
+    for (const uint32_t i : candidates) ranked.emplace_back(squared_distance(box, points[i].position), i);
     if (count < ranked.size()) {
         std::nth_element(ranked.begin(), ranked.begin() + static_cast<std::ptrdiff_t>(count), ranked.end());
         ranked.resize(count);
@@ -80,11 +72,11 @@ CachedPointLookup::CachedPointLookup(const std::vector<CachedPoint>& points) {
 
 void CachedPointLookup::build(const std::vector<CachedPoint>& points, std::span<uint32_t> own,
                               std::span<const uint32_t> candidates, size_t node) {
-    const Box box = box_of(points, own);
-    const int axis = longest_axis(box.high - box.low);
-    const float middle = 0.5F * (box.low[axis] + box.high[axis]);
+    const Bounds box = bounds_of(points, own);
+    const int axis = longest_axis(box.max - box.min);
+    const float middle = 0.5F * (box.min[axis] + box.max[axis]);
     // Not where rounding leaves nothing between the ends.
-    const bool is_cell = own.size() <= points_per_cell || !(box.low[axis] < middle && middle < box.high[axis]);
+    const bool is_cell = own.size() <= points_per_cell || !(box.min[axis] < middle && middle < box.max[axis]);
     // Enough neighbours for the cells below: their number falls with the node's own.
     const size_t wanted = is_cell ? block_size : std::max<size_t>(4 * own.size(), 4 * block_size);
     const std::vector<uint32_t> near = nearest_candidates(points, box, candidates, wanted);

@@ -314,7 +314,8 @@ size_t BeamSets::bytes() const {
 }
 
 BeamSets trace_beams(const ReflectorTree& reflectors, const PathLight& light, const LitTriangles& lit,
-                     const Accelerator* accelerator, int length, size_t max_beams) {
+                     const Accelerator* accelerator, int length, size_t max_beams,
+                     const std::function<bool()>& should_stop) {
     BeamSets sets;
     sets.by_length.push_back(make_beam_set(reflectors, direct_beams(reflectors, light, lit)));
     while (sets.by_length.size() < static_cast<size_t>(length)) {
@@ -328,7 +329,7 @@ BeamSets trace_beams(const ReflectorTree& reflectors, const PathLight& light, co
         std::vector<uint64_t> nodes(blocks);
         tbb::parallel_for(size_t{0}, blocks, [&](size_t block) {
             const size_t end = std::min((block + 1) * block_size, reflectors.size());
-            for (size_t triangle = block * block_size; triangle < end; ++triangle) {
+            for (size_t triangle = block * block_size; triangle < end && !(should_stop && should_stop()); ++triangle) {
                 BeamReflection(reflectors, light, sets, accelerator, static_cast<uint32_t>(triangle))
                     .run(by_block[block], nodes[block]);
             }

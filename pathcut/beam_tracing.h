@@ -4,6 +4,8 @@
 // says too little, points of the triangle are solved for (beam_sampler.h).
 #pragma once
 
+#include <functional>
+
 #include "accel/accelerator.h"
 #include "pathcut/beam.h"
 
@@ -17,8 +19,10 @@ struct BeamSets {
     size_t bytes() const;
 };
 
-/// With an accelerator, beams that something blocks at all the points that are tested are left out.
+/// With an accelerator, beams that something blocks at all the points that are tested are left out. `should_stop` as in
+/// SearchOptions.
 BeamSets trace_beams(const ReflectorTree& reflectors, const PathLight& light, const LitTriangles& lit,
-                     const Accelerator* accelerator, int length, size_t max_beams);
+                     const Accelerator* accelerator, int length, size_t max_beams,
+                     const std::function<bool()>& should_stop);
 
 }  // namespace nephroid

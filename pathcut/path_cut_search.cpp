@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <numeric>
 
 #include "pathcut/beam_search.h"
 #include "pathcut/cut_test.h"
@@ -50,9 +51,12 @@ class GroupSearch {
         nodes_left_ =
             options_.max_nodes_per_receiver == 0 ? ~uint64_t{0} : options_.max_nodes_per_receiver * (end - begin);
         const bool all_cuts = options_.selection == Selection::every_triangle || !options_.solver.newton;
-        for (int length = 1; length <= (all_cuts ? options_.bounces : 1); ++length) search_cuts(group, length);
-        for (int length = 2; length <= (all_cuts ? 0 : options_.bounces); ++length) {
-            for (size_t i = begin; i < end; ++i) search_beams(i, length);
+        for (int length = options_.shortest; length <= options_.bounces; ++length) {
+            if (length == 1 || all_cuts) {
+                search_cuts(group, length);
+            } else {
+                for (size_t i = begin; i < end; ++i) search_beams(i, length);
+            }
         }
         std::sort(found.begin(), found.end(), comes_before);
         if (options_.merge_distance >= 0.0) statistics.merged = merge_paths(found, options_.merge_distance);
@@ -67,6 +71,7 @@ class GroupSearch {
 
   private:
     static constexpr float infinity = std::numeric_limits<float>::infinity();
+    static constexpr uint64_t nodes_between_questions = 256;
 
     const PathLight& light() const { return light_; }
 
@@ -85,6 +90,7 @@ class GroupSearch {
         const uint64_t visited_before = statistics.nodes_visited;
         const PointBound<float> bound =
             extract(receivers_.tree.levels[0][receiver / block_size], receiver % block_size);
+        stop_if_asked();
         if (nodes_left_ == 0) {
             ++statistics.dropped_cuts;
             cut_short_.push_back(static_cast<uint32_t>(receiver));
@@ -305,7 +311,12 @@ class GroupSearch {
         return select(angle < FloatV(0.3F), widening, FloatV(infinity));
     }
 
+    void stop_if_asked() {
+        if (options_.should_stop && options_.should_stop()) nodes_left_ = 0;
+    }
+
     void visit(PathCut& cut) {
+        if (statistics.nodes_visited % nodes_between_questions == 0) stop_if_asked();
         if (nodes_left_ == 0) {
             drop(cut);
             return;
@@ -501,28 +512,40 @@ uint32_t group_level(const ReceiverTree& receivers) {
     return level;
 }
 
+/// About the golden section of `count`, without a common factor: groups in this order lie scattered over the receivers,
+/// so that a search that is stopped has seen something of everything.
+size_t scattering_stride(size_t count) {
+    auto stride = static_cast<size_t>(0.618 * static_cast<double>(count)) | 1U;
+    while (std::gcd(stride, count) != 1) ++stride;
+    return stride;
+}
+
 }  // namespace
 
 RepresentativePaths find_representative_paths(const ReflectorTree& reflectors, const ReceiverTree& receivers,
                                               std::span<const PathLight> lights, const SearchOptions& given) {
     SearchOptions options = given;
     options.bounces = std::clamp(options.bounces, 1, max_chain_length);
+    options.shortest = std::clamp(options.shortest, 1, options.bounces);
     RepresentativePaths result;
     result.first_path.assign(receivers.given + 1, 0);
     if (receivers.tree.size == 0 || reflectors.size() == 0) return result;
     const uint32_t level = group_level(receivers);
     const size_t groups = receivers.tree.items_at(level);
+    const size_t stride = scattering_stride(groups);
     std::vector<GroupResult> results(groups * lights.size());
     for (size_t l = 0; l < lights.size(); ++l) {
         const LitTriangles lit = find_lit_triangles(reflectors, lights[l], options.accelerator);
         BeamSets beams;
         if (options.bounces > 1 && options.selection == Selection::local_minima && options.solver.newton) {
-            beams = trace_beams(reflectors, lights[l], lit, options.accelerator, options.bounces, options.max_beams);
+            beams = trace_beams(reflectors, lights[l], lit, options.accelerator, options.bounces, options.max_beams,
+                                options.should_stop);
         }
         result.beam_bytes = std::max(result.beam_bytes, beams.bytes());
         result.statistics.nodes_visited += beams.nodes_visited;
         result.statistics.dropped_beams += beams.dropped;
-        tbb::parallel_for(size_t{0}, groups, [&](size_t g) {
+        tbb::parallel_for(size_t{0}, groups, [&](size_t i) {
+            const size_t g = i * stride % groups;
             GroupSearch search(reflectors, receivers, lights[l], lit, beams, options);
             search.run({level, static_cast<uint32_t>(g)});
             for (FoundPath& path : search.found) path.path.light = static_cast<uint16_t>(l);

@@ -7,6 +7,7 @@
 // bounded by the result.
 #pragma once
 
+#include <functional>
 #include <span>
 
 #include "pathcut/receiver_tree.h"
@@ -17,7 +18,8 @@
 namespace nephroid {
 
 struct SearchOptions {
-    int bounces = 1;  ///< Paths of one up to so many reflections; clamped to 1 .. max_chain_length.
+    int shortest = 1;  ///< Paths of at least
+    int bounces = 1;   ///< and at most so many reflections; clamped to 1 .. max_chain_length.
     Selection selection = Selection::local_minima;
     SolverOptions solver;
     /// Paths whose reflector points all lie closer than this, in units of the triangles' edges, become one; the paper
@@ -26,6 +28,9 @@ struct SearchOptions {
     /// Path cuts that may be visited for each receiver, on average over a group of them; zero: no limit. What is left
     /// out is reported.
     uint64_t max_nodes_per_receiver = 0;
+    /// If set, asked every few milliseconds by all threads: once it says yes, what is left is dropped and reported as
+    /// above. The result then depends on when that was.
+    std::function<bool()> should_stop;
     /// Chains of triangles of one length and light that are kept for paths of two and more reflections (about 200 bytes
     /// each while they are made); more are dropped, and reported.
     size_t max_beams = 4'000'000;
@@ -36,8 +41,8 @@ struct SearchOptions {
     bool keep_occluded = false;  ///< Otherwise occluded paths are left out.
 };
 
-/// Deterministic: the result does not depend on the number of threads. Paths of a receiver are ordered by light, length
-/// and triangles.
+/// Deterministic unless stopped: the result does not depend on the number of threads. Paths of a receiver are ordered
+/// by light, length and triangles.
 RepresentativePaths find_representative_paths(const ReflectorTree& reflectors, const ReceiverTree& receivers,
                                               std::span<const PathLight> lights, const SearchOptions& options);
 

@@ -74,7 +74,7 @@ CausticScene sphere_caustic(float alpha) {
     return caustic;
 }
 
-CausticScene bumpy_plane_caustic(float alpha) {
+CausticScene bumpy_plane_caustic(float alpha, int rows) {
     CausticScene caustic = with_floor("bumpy plane", alpha, {-1.0F, 2.0F, 0.2F}, 10.0F);
     // A standing wall at x = 0.8 that faces the light.
     const Shape lying = bumpy_plane_shape(Vec3d(0.0), 0.5, 0.01, 3.0);
@@ -83,7 +83,7 @@ CausticScene bumpy_plane_caustic(float alpha) {
         const auto turn = [](const Vec3d& w) { return Vec3d(-w.y, w.x, w.z); };
         return ShapePoint{turn(p.position) + Vec3d(0.8, 0.6, 0.0), turn(p.normal)};
     };
-    add_mesh(caustic.scene, shape_mesh(standing, 40, 40, metal_material));
+    add_mesh(caustic.scene, shape_mesh(standing, rows, rows, metal_material));
     caustic.camera = look_at({0.0F, 3.0F, 1.0F}, {0.2F, 0.0F, 0.0F}, 0.6F);
     caustic.floor_points = {{0.35F, 0.0F, 0.05F}, {0.2F, 0.0F, -0.2F}};
     return caustic;
@@ -115,23 +115,49 @@ CausticScene mirror_view_caustic(float alpha) {
 }
 
 std::vector<CausticScene> all_caustic_scenes(float alpha) {
-    return {ring_caustic(alpha), sphere_caustic(alpha), bumpy_plane_caustic(alpha), two_mirror_caustic(alpha),
+    return {ring_caustic(alpha), sphere_caustic(alpha), bumpy_plane_caustic(alpha, 16), two_mirror_caustic(alpha),
             mirror_view_caustic(alpha)};
 }
 
+CausticScene scaled(CausticScene caustic, float factor) {
+    for (Mesh& mesh : caustic.scene.meshes) {
+        for (Vec3& position : mesh.positions) position *= factor;
+    }
+    for (PunctualLight& light : caustic.scene.lights) {
+        light.position *= factor;
+        light.radius *= factor;
+        light.intensity *= factor * factor;
+    }
+    caustic.camera.to_world[3] = Vec4(factor * Vec3(caustic.camera.to_world[3]), 1.0F);
+    for (Vec3& point : caustic.floor_points) point *= factor;
+    caustic.scale *= factor;
+    return caustic;
+}
+
 namespace {
+
+Triple<double> triple(const Vec3d& v) {
+    return {v.x, v.y, v.z};
+}
+
+/// Metal of any roughness: rougher than casters are, too.
+CasterReport all_metal(const Scene& scene) {
+    CasterReport report;
+    for (const Object& object : scene.objects) {
+        const int material = scene.meshes[static_cast<size_t>(object.mesh)].material;
+        report.is_caster.push_back(scene.materials[static_cast<size_t>(material)].metallic > 0.0F ? 1 : 0);
+    }
+    return report;
+}
 
 /// Sums the light that the pieces of one triangle reflect to x.
 class TriangleQuadrature {
   public:
     TriangleQuadrature(const CausticScene& caustic, const Accelerator& accelerator, const Vec3& x)
-        : light_(caustic.scene.lights[0]), accelerator_(accelerator), x_(x) {
+        : light_(caustic.scene.lights[0]), accelerator_(accelerator), x_(x), ray_offset_(1e-5 * double{caustic.scale}) {
         const Material& material = caustic.scene.materials[metal_material];
-        bsdf_ = {to_triple(Vec3(material.base_color)),
-                 {0.0F, 0.0F, 0.0F},
-                 0.0F,
-                 1.0F,
-                 material.roughness * material.roughness};
+        const double alpha = double{material.roughness * material.roughness};
+        bsdf_ = {triple(Vec3d(material.base_color)), {0.0, 0.0, 0.0}, 0.0, 1.0, alpha};
     }
 
     /// W/m^2, green. Corners are barycentric.
@@ -147,11 +173,17 @@ class TriangleQuadrature {
         const double distance = glm::length(point.position - Vec3d(x_));
         bool fine = size < 0.1 * distance;
         if (constraint.valid) {
-            const glm::dmat2& j = constraint.by_vertex;
-            const double change = size * std::sqrt(glm::dot(j[0], j[0]) + glm::dot(j[1], j[1]));
-            fine = fine && change < 0.15 * std::hypot(double{bsdf_.alpha}, glm::length(constraint.slope));
+            // Of the half vector's angle: its slope has a pole where it lies in the surface, where there is no light.
+            const double slope2 = glm::dot(constraint.slope, constraint.slope);
+            double change = 0.0;
+            for (const Vec2d& corner : corners) {
+                const Vec3d way = evaluate(patch, corner).position - point.position;
+                const Vec2d in_plane(glm::dot(way, patch.axes[0]), glm::dot(way, patch.axes[1]));
+                change = std::max(change, glm::length(constraint.by_vertex * in_plane) / (1.0 + slope2));
+            }
+            fine = fine && change < 0.15 * std::hypot(bsdf_.alpha, std::sqrt(slope2 / (1.0 + slope2)));
         }
-        if (!fine && depth < 12) {
+        if (!fine && depth < deepest) {
             const Vec2d a = 0.5 * (corners[0] + corners[1]), b = 0.5 * (corners[1] + corners[2]),
                         c = 0.5 * (corners[2] + corners[0]);
             return irradiance(patch, {corners[0], a, c}, depth + 1) + irradiance(patch, {a, corners[1], b}, depth + 1) +
@@ -164,6 +196,8 @@ class TriangleQuadrature {
     }
 
   private:
+    static constexpr int deepest = 20;
+
     /// Per area of reflector.
     double reflected(const SurfacePatch& patch, const PatchPoint& point) const {
         const Vec3d to_x = Vec3d(x_) - point.position, to_light = Vec3d(light_.position) - point.position;
@@ -173,27 +207,17 @@ class TriangleQuadrature {
         if (glm::dot(geometric, wo) < 0.0) geometric = -geometric;
         if (glm::dot(shading, geometric) < 0.0) shading = -shading;
         if (wo.y >= 0.0 || glm::dot(geometric, wi) <= 0.0) return 0.0;
-        const Frame<float> frame = make_frame(to_triple(Vec3(shading)));
-        // GGX in double: float would do no better than 1e-3 at alpha 0.005.
-        const Vec3d h = glm::normalize(wo + wi);
-        const double n_h = glm::dot(shading, h);
-        const Vec3d across = glm::cross(shading, h);
-        const double a2 = double{bsdf_.alpha} * double{bsdf_.alpha};
-        const double t = n_h * n_h * a2 + glm::dot(across, across);
-        const double density = a2 / (3.14159265358979 * t * t);
-        const BsdfEvaluation<float> bsdf =
-            evaluate_bsdf(bsdf_, frame.to_local(to_triple(Vec3(wo))), frame.to_local(to_triple(Vec3(wi))));
-        const double float_density = double{ggx_density(frame.to_local(to_triple(Vec3(h))), bsdf_.alpha)};
-        if (!(float_density > 0.0)) return 0.0;
-        const double value = double{bsdf.value.y} / float_density * density;
-        if (value <= 0.0 || !visible(point.position, geometric)) return 0.0;
+        // All in double: float would do no better than 1e-3 at alpha 0.005.
+        const Frame<double> frame = make_frame(triple(shading));
+        const double value = evaluate_bsdf(bsdf_, frame.to_local(triple(wo)), frame.to_local(triple(wi))).value.y;
+        if (!(value > 0.0) || !visible(point.position, geometric)) return 0.0;
         const double light = double{light_.intensity.y} / l2;
         return light * value * -wo.y * std::abs(glm::dot(geometric, wo)) / d2;
     }
 
     bool visible(const Vec3d& y, const Vec3d& normal) const {
-        const Vec3 origin = Vec3(y + 1e-5 * normal);
-        const Vec3 floor = x_ + Vec3(0.0F, 1e-5F, 0.0F);
+        const Vec3 origin = Vec3(y + ray_offset_ * normal);
+        const Vec3 floor = x_ + Vec3(0.0F, static_cast<float>(ray_offset_), 0.0F);
         return !accelerator_.occluded({origin, light_.position - origin, 0.9999F}) &&
                !accelerator_.occluded({origin, floor - origin, 0.9999F});
     }
@@ -201,29 +225,38 @@ class TriangleQuadrature {
     const PunctualLight& light_;
     const Accelerator& accelerator_;
     Vec3 x_;
-    BsdfParameters<float> bsdf_{};
+    double ray_offset_;
+    BsdfParameters<double> bsdf_{};
 };
 
 }  // namespace
 
-double floor_radiance(const CausticScene& caustic, const Vec3& x) {
+FloorRadiance floor_radiance_parts(const CausticScene& caustic, const Vec3& x) {
     const Accelerator accelerator(caustic.scene, 2);
     const PunctualLight& light = caustic.scene.lights[0];
     const Vec3 to_light = light.position - x;
     const double distance2 = double{glm::dot(to_light, to_light)};
-    const bool lit = !accelerator.occluded({x + Vec3(0.0F, 1e-5F, 0.0F), to_light, 0.9999F});
-    double irradiance = lit ? double{light.intensity.y} * double{to_light.y} / std::pow(distance2, 1.5) : 0.0;
+    const bool lit = !accelerator.occluded({x + Vec3(0.0F, 1e-5F * caustic.scale, 0.0F), to_light, 0.9999F});
+    const double direct = lit ? double{light.intensity.y} * double{to_light.y} / std::pow(distance2, 1.5) : 0.0;
     const TriangleQuadrature quadrature(caustic, accelerator, x);
-    for (const ReflectorTriangle& triangle : reflector_triangles(caustic.scene, find_casters(caustic.scene))) {
+    double reflected = 0.0;
+    for (const ReflectorTriangle& triangle : reflector_triangles(caustic.scene, all_metal(caustic.scene))) {
         std::array<Vec3d, 3> positions, normals;
         for (size_t k = 0; k < 3; ++k) {
             positions[k] = Vec3d(triangle.positions[k]);
             normals[k] = Vec3d(triangle.normals[k]);
         }
         const SurfacePatch patch = make_surface_patch(positions, normals);
-        irradiance += quadrature.irradiance(patch, {Vec2d(0.0, 0.0), Vec2d(1.0, 0.0), Vec2d(0.0, 1.0)}, 0);
+        if (patch.degenerate) continue;
+        reflected += quadrature.irradiance(patch, {Vec2d(0.0, 0.0), Vec2d(1.0, 0.0), Vec2d(0.0, 1.0)}, 0);
     }
-    return irradiance * double{floor_albedo} / 3.14159265358979;
+    const double brdf = double{floor_albedo} / 3.14159265358979;
+    return {brdf * direct, brdf * reflected};
+}
+
+double floor_radiance(const CausticScene& caustic, const Vec3& x) {
+    const FloorRadiance parts = floor_radiance_parts(caustic, x);
+    return parts.direct + parts.reflected;
 }
 
 }  // namespace nephroid::testing

@@ -1,20 +1,25 @@
 // Relative standard deviation of one sample at points of the picture that see a caustic, by scheme, as JSON. Not a
 // test.
 //
-//   guiding_benchmark SCENE.glb [--size WxH] [--points N] [--samples N] [--cached-points N]
+//   guiding_benchmark SCENE.glb [--size WxH] [--points N] [--samples N] [--cached-points N] [--schemes
+//   path,paper,slope]
 //
 // Light by one reflection alone. Every scheme's second moment is measured with the same broad proposal (lobes found for
 // the point itself, half of the samples over the whole hemisphere): measured with its own samples, a scheme that misses
-// part of the light looks good. Schemes: path (cosine), sg and slope with lobes of the point itself (exact) and of a
-// cache of the whole picture (cached), the way the renderer uses them.
+// part of the light looks good. Schemes: path (cosine), paper and slope with lobes of the point itself (exact) and of a
+// cache of the whole picture (cached), the way the renderer uses them. The paper's search takes very long where rough
+// reflectors are finely tessellated: leave it out there.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
+#include <functional>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "apps/command.h"
 #include "core/gltf.h"
 #include "core/rounding.h"
 #include "core/warp.h"
@@ -33,12 +38,23 @@ struct Options {
     uint32_t points = 128;
     uint32_t samples = 8192;
     uint32_t cached_points = 10000;
+    std::vector<std::string> schemes{"path", "paper", "slope"};
+
+    bool measures(const std::string& scheme) const {
+        return std::find(schemes.begin(), schemes.end(), scheme) != schemes.end();
+    }
 };
 
 /// The way a scheme draws directions at one point.
 struct Scheme {
     std::string name;
     std::function<float(const Vec3&)> pdf;  ///< Together with the BSDF (cosine).
+};
+
+/// At one point, by lobes of its own and of the picture's cache.
+template <class Mixture>
+struct PointMixtures {
+    std::unique_ptr<Mixture> exact, cached;
 };
 
 struct PointResult {
@@ -101,29 +117,47 @@ class Benchmark {
     }
 
     nlohmann::json run() {
-        GuidedSettings slope, sg = paper_settings();
-        slope.bounces = sg.bounces = 1;
-        slope.cached_points = sg.cached_points = options_.cached_points;
+        GuidedSettings slope, paper = paper_settings();
+        slope.bounces = paper.bounces = 1;
+        slope.cached_points = paper.cached_points = options_.cached_points;
         const std::vector<Receiver> points = shading_points();
-        const auto slope_exact = slope_cache(points, slope), slope_cached = slope_cache(cached(slope), slope);
-        const auto sg_exact = sg_cache(points, sg), sg_cached = sg_cache(cached(sg), sg);
         const GuidedPaths found = paths_to(points, slope);
+        // The proposal of all measurements: always needed.
+        const SlopeCachePointer exact = slope_cache(points, slope);
+        const auto slope_cached = options_.measures("slope") ? slope_cache(cached(slope), slope) : nullptr;
+        const auto paper_exact = options_.measures("paper") ? paper_cache(points, paper) : nullptr;
+        const auto paper_cached = options_.measures("paper") ? paper_cache(cached(paper), paper) : nullptr;
+
         std::vector<PointResult> results;
         std::vector<std::string> names;
         for (const Receiver& point : points) {
-            std::unique_ptr<SlopeMixtures> mixture, warped;
-            std::unique_ptr<SgMixtures> sg_mixture, sg_warped;
-            const std::vector<Scheme> schemes{{"path", [&point](const Vec3& w) { return cosine_pdf(point, w); }},
-                                              guided_scheme("sg exact", point, sg_exact, sg_mixture),
-                                              guided_scheme("sg cached", point, sg_cached, sg_warped),
-                                              guided_scheme("slope exact", point, slope_exact, mixture),
-                                              guided_scheme("slope cached", point, slope_cached, warped)};
-            if (mixture->lobe_count(0) == 0) continue;
+            PointMixtures<SlopeMixtures> mixtures;
+            PointMixtures<SgMixtures> paper_mixtures;
+            const Scheme proposal = guided_scheme("slope exact", point, *exact, mixtures.exact);
+            if (mixtures.exact->lobe_count(0) == 0) continue;
+            std::vector<Scheme> schemes;
+            if (options_.measures("path")) {
+                schemes.push_back({"path", [&point](const Vec3& w) { return cosine_pdf(point, w); }});
+            }
+            if (paper_exact) {
+                schemes.push_back(guided_scheme("paper exact", point, *paper_exact, paper_mixtures.exact));
+                schemes.push_back(guided_scheme("paper cached", point, *paper_cached, paper_mixtures.cached));
+            }
+            if (slope_cached) {
+                schemes.push_back(proposal);
+                schemes.push_back(guided_scheme("slope cached", point, *slope_cached, mixtures.cached));
+            }
+            PointResult result = measure(point, found.lights.front(), *mixtures.exact, schemes);
+            if (!(result.irradiance > 0.0)) continue;
+            results.push_back(std::move(result));
             names.clear();
             for (const Scheme& scheme : schemes) names.push_back(scheme.name);
-            results.push_back(measure(point, found.lights.front(), *mixture, schemes));
-            if (!(results.back().irradiance > 0.0)) results.pop_back();
         }
+        return summaries(names, results);
+    }
+
+  private:
+    nlohmann::json summaries(const std::vector<std::string>& names, const std::vector<PointResult>& results) const {
         nlohmann::json json{{"scene", options_.scene}, {"points", results.size()}};
         for (size_t s = 0; s < names.size(); ++s) {
             std::vector<std::pair<double, double>> values;
@@ -133,7 +167,9 @@ class Benchmark {
         return json;
     }
 
-  private:
+    using SlopeCachePointer = std::unique_ptr<MixtureCache<SlopeMixtures>>;
+    using PaperCachePointer = std::unique_ptr<MixtureCache<SgMixtures>>;
+
     /// Points of the picture other than cached ones, of rough surfaces.
     std::vector<Receiver> shading_points() const {
         RenderContext other = context_;
@@ -150,12 +186,15 @@ class Benchmark {
         GuidedStatistics statistics;
         return find_guided_paths(context_, casters_, receivers, settings, statistics);
     }
-    MixtureCache<SlopeMixtures> slope_cache(const std::vector<Receiver>& receivers,
-                                            const GuidedSettings& settings) const {
-        return {make_slope_cache(context_, paths_to(receivers, settings), settings), SlopeMixtureOptions()};
+    SlopeCachePointer slope_cache(const std::vector<Receiver>& receivers, const GuidedSettings& settings) const {
+        GuidedPaths found = paths_to(receivers, settings);
+        GuidedStatistics statistics;
+        return std::make_unique<MixtureCache<SlopeMixtures>>(make_slope_cache(context_, found, settings, statistics),
+                                                             SlopeMixtureOptions());
     }
-    MixtureCache<SgMixtures> sg_cache(const std::vector<Receiver>& receivers, const GuidedSettings& settings) const {
-        return {make_sg_cache(context_, paths_to(receivers, settings), settings), SgMixtureOptions()};
+    PaperCachePointer paper_cache(const std::vector<Receiver>& receivers, const GuidedSettings& settings) const {
+        return std::make_unique<MixtureCache<SgMixtures>>(
+            make_sg_cache(context_, paths_to(receivers, settings), settings), SgMixtureOptions());
     }
 
     PointResult measure(const Receiver& point, const PathLight& light, const SlopeMixtures& proposal,
@@ -197,45 +236,50 @@ class Benchmark {
     RenderContext context_;
 };
 
-bool parse(int argc, char** argv, Options& options) {
-    for (int i = 1; i < argc; ++i) {
-        const std::string argument = argv[i];
-        const auto number = [&] { return static_cast<uint32_t>(i + 1 < argc ? std::stoul(argv[++i]) : 0); };
-        if (argument == "--points") {
-            options.points = number();
-        } else if (argument == "--samples") {
-            options.samples = number();
-        } else if (argument == "--cached-points") {
-            options.cached_points = number();
-        } else if (argument == "--size" && i + 1 < argc) {
-            if (std::sscanf(argv[++i], "%5dx%5d", &options.width, &options.height) != 2) return false;
-        } else if (options.scene.empty()) {
-            options.scene = argument;
-        } else {
-            return false;
-        }
+void parse_size(const std::string& text, Options& options) {
+    int used = 0;
+    const int count = std::sscanf(text.c_str(), "%5dx%5d%n", &options.width, &options.height, &used);
+    if (count != 2 || static_cast<size_t>(used) != text.size() || options.width < 1 || options.height < 1) {
+        throw Error(ExitCode::usage, "--size " + text + ": is not WIDTHxHEIGHT; write e.g. 320x240");
     }
-    return !options.scene.empty();
+}
+
+/// Nothing where only help was asked for.
+std::optional<Options> parse_options(int argc, char** argv) {
+    Options options;
+    std::string size;
+    const CLI::Range counts(1, 100'000'000);
+    CLI::App app("Prints the relative standard deviation of one sample at points that see a caustic, as JSON.",
+                 "guiding_benchmark");
+    app.add_option("scene", options.scene, "glTF file, .gltf or .glb")->required();
+    app.add_option("--size", size, "film WxH: which part of the scene the camera sees [320x240]");
+    app.add_option("--points", options.points, "about so many points of the picture [128]")->check(counts);
+    app.add_option("--samples", options.samples, "directions at each point [8192]")->check(counts);
+    app.add_option("--cached-points", options.cached_points, "of the picture's cache [10000]")->check(counts);
+    app.add_option("--schemes", options.schemes, "which to measure, with commas between [path,paper,slope]")
+        ->delimiter(',')
+        ->check(CLI::IsMember({"path", "paper", "slope"}));
+    if (!parse_command_line(app, argc, argv)) return std::nullopt;
+    if (!size.empty()) parse_size(size, options);
+    return options;
+}
+
+nlohmann::json measure_scene(const Options& options) {
+    Scene scene = load_gltf(options.scene);
+    flatten_single_use_meshes(scene);
+    densify_objects(scene);
+    if (scene.cameras.empty()) {
+        throw Error(ExitCode::invalid_input, options.scene + ": cameras: there is none; add one to the scene");
+    }
+    return Benchmark(options, scene).run();
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-    Options options;
-    try {
-        if (!parse(argc, argv, options)) {
-            std::fprintf(stderr,
-                         "error: command line: guiding_benchmark SCENE.glb [--size WxH] [--points N] [--samples N] "
-                         "[--cached-points N]\n");
-            return 2;
-        }
-        Scene scene = load_gltf(options.scene);
-        flatten_single_use_meshes(scene);
-        densify_objects(scene);
-        std::printf("%s\n", Benchmark(options, scene).run().dump(2).c_str());
-    } catch (const std::exception& error) {
-        std::fprintf(stderr, "error: guiding_benchmark: %s\n", error.what());
-        return 1;
-    }
-    return 0;
+    return run_command("guiding_benchmark", "ask for fewer points", [&] {
+        const std::optional<Options> options = parse_options(argc, argv);
+        if (options) std::printf("%s\n", measure_scene(*options).dump(2).c_str());
+        return ExitCode::done;
+    });
 }

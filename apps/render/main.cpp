@@ -139,11 +139,19 @@ void print_warnings(Warnings& warnings) {
     warnings.clear();
 }
 
-GuidedSettings guided_settings(const Parameters& parameters) {
+/// `seconds_left`: until the render has to end; none: there is no limit.
+GuidedSettings guided_settings(const Parameters& parameters, std::optional<double> seconds_left) {
     GuidedSettings settings;
+    if (seconds_left) {
+        const std::chrono::duration<double> seconds(std::max(*seconds_left, 0.0) *
+                                                    number_of(parameters, "search_share"));
+        settings.search_end = Clock::now() + std::chrono::duration_cast<Clock::duration>(seconds);
+    }
     settings.cached_points = static_cast<uint32_t>(number_of(parameters, "cached_points"));
     settings.search_seconds = number_of(parameters, "search_seconds");
     settings.bounces = static_cast<int>(number_of(parameters, "bounces"));
+    settings.photons = number_of(parameters, "photons");
+    settings.long_paths = parameters.at("long_paths") == "photons" ? LongPaths::photons : LongPaths::search;
     settings.lobe = parameters.at("lobe") == "slope" ? LobeKind::slope : LobeKind::spherical_gaussian;
     settings.acceptance.epsilon = number_of(parameters, "epsilon");
     settings.acceptance.alpha_multiple = number_of(parameters, "slope_limit");
@@ -163,9 +171,9 @@ GuidedSettings guided_settings(const Parameters& parameters) {
 
 std::unique_ptr<Integrator> make_integrator(const std::string& name, const Parameters& parameters,
                                             const RenderContext& context, const CasterReport& casters,
-                                            const GuidedView& view) {
+                                            const GuidedView& view, std::optional<double> seconds_left) {
     if (name == "guided") {
-        return std::make_unique<GuidedIntegrator>(context, casters, view, guided_settings(parameters));
+        return std::make_unique<GuidedIntegrator>(context, casters, view, guided_settings(parameters, seconds_left));
     }
     return std::make_unique<PathIntegrator>(context);
 }
@@ -232,8 +240,10 @@ ExitCode render(const Options& options, Clock::time_point process_start) {
     std::optional<InspectedVertex> inspected;
     if (options.inspect) inspected = vertex_to_inspect(options, context, crop);
     const Clock::time_point precompute_start = Clock::now();
-    const std::unique_ptr<Integrator> integrator =
-        make_integrator(options.integrator, parameters, context, casters, {size.width, size.height, crop});
+    std::optional<double> seconds_left;
+    if (options.time) seconds_left = *options.time - seconds_since(process_start);
+    const std::unique_ptr<Integrator> integrator = make_integrator(options.integrator, parameters, context, casters,
+                                                                   {size.width, size.height, crop}, seconds_left);
     const double precompute_seconds = seconds_since(precompute_start);
     if (inspected) {
         inspect_vertex(options, parameters, context, *integrator, *inspected, outputs.front());

@@ -39,8 +39,7 @@ std::vector<ParameterDescription> guided_parameters() {
          "newton|implicit|mirror|none",
          "newton",
          "how lobes move from the cached to the shading point. slope: a Newton step, the derivative (faster, noisier "
-         "far "
-         "from cached points) or none; sg: the paper's mirror equation or none",
+         "far from cached points) or none; sg: the paper's mirror equation or none",
          {"newton", "implicit", "mirror", "none"},
          {}},
         {"newton",
@@ -53,16 +52,30 @@ std::vector<ParameterDescription> guided_parameters() {
          "minima|triangles",
          "minima",
          "which paths become lobes: one for each exact solution and local minimum of the slope, or one for each "
-         "accepted "
-         "triangle (the paper; many more lobes, slower samples)",
+         "accepted triangle (the paper; many more lobes, slower samples)",
          {"minima", "triangles"},
          {}},
         {"bounces",
          "1..4",
          "2",
-         "reflections of the longest guided paths: more find more light and take longer before rendering starts",
+         "reflections of the longest guided paths: more find more light and take longer before rendering starts; "
+         "long_paths=photons knows only one and any number",
          {},
          NumberRange{1.0, 4.0, true}},
+        {"long_paths",
+         "photons|search",
+         "photons",
+         "light of two and more reflections: lobes fitted to photons, or the paths themselves (up to `bounces`; "
+         "later to start)",
+         {"photons", "search"},
+         {}},
+        {"photons",
+         "0..10000",
+         "32",
+         "for each cached point: they tell where cached points are missing, where long paths come from and how much to "
+         "guide; more is less noise per sample and a later start. 0: none",
+         {},
+         NumberRange{0.0, 1e4, false}},
         {"slope_limit",
          "0..100",
          "6",
@@ -81,8 +94,7 @@ std::vector<ParameterDescription> guided_parameters() {
          "auto|0..0.99",
          "auto",
          "probability of the guide against the BSDF: higher is less noise in caustics and more elsewhere; auto: from "
-         "the "
-         "light that each cached point expects of both",
+         "the light that each cached point expects of both",
          {"auto"},
          NumberRange{0.0, 0.99, false}},
         {"merge_distance",
@@ -104,6 +116,13 @@ std::vector<ParameterDescription> guided_parameters() {
          "for rough casters; counted, not timed, so that the picture is the same on every machine",
          {},
          NumberRange{1e-3, 1e5, false}},
+        {"search_share",
+         "0.01..1",
+         "0.3",
+         "with --time: the search for paths ends after this share of it, with fewer cached points or shorter paths; "
+         "more is less noise per sample and fewer samples",
+         {},
+         NumberRange{0.01, 1.0, false}},
         sampler_parameter(),
     };
 }
@@ -119,12 +138,13 @@ const std::map<std::string, std::vector<ParameterDescription>>& table() {
 /// What an assignment implies for parameters that are not assigned.
 const std::map<std::string, Parameters>& implications() {
     static const std::map<std::string, Parameters> values = {
-        {"lobe=sg", {{"warp", "mirror"}, {"guide_fraction", "0.5"}, {"slope_limit", "0"}}},
+        {"lobe=sg", {{"warp", "mirror"}, {"guide_fraction", "0.5"}, {"slope_limit", "0"}, {"long_paths", "search"}}},
         {"preset=paper",
          {{"lobe", "sg"},
           {"warp", "mirror"},
           {"guide_fraction", "0.5"},
           {"slope_limit", "0"},
+          {"long_paths", "search"},
           {"selection", "triangles"}}},
     };
     return values;
@@ -151,6 +171,9 @@ void check_combination(const Parameters& parameters) {
     if ((lobe == "sg" && for_slope) || (lobe == "slope" && for_sg)) {
         throw Error(ExitCode::usage, "--set warp=" + warp + ": not for lobe=" + lobe + "; use " +
                                          (lobe == "sg" ? "mirror or none" : "newton, implicit or none"));
+    }
+    if (lobe == "sg" && parameters.at("long_paths") == "photons") {
+        throw Error(ExitCode::usage, "--set long_paths=photons: not for lobe=sg; use search");
     }
     if (lobe == "sg" && parameters.at("guide_fraction") == "auto") {
         throw Error(ExitCode::usage, "--set guide_fraction=auto: not for lobe=sg; use a number, the paper's is 0.5");

@@ -90,10 +90,25 @@ class FractionTrial {
     uint32_t seed_;
 };
 
+/// Adds the moments of light that the guide leaves to the BSDF: a few trial paths would not see it.
+void add_uncovered(const SlopeCache& cache, const std::vector<CausticPhoton>& photons,
+                   const std::vector<PhotonCoverage>& coverage, std::vector<Moments>& moments) {
+    for (size_t i = 0; i < photons.size(); ++i) {
+        const PhotonCoverage& at = coverage[i];
+        if (!(at.bsdf_pdf > at.guide_pdf)) continue;
+        const double flux = double{photons[i].power} / double{cached_area(cache.points[at.nearest])};
+        for (size_t k = 0; k < candidates.size(); ++k) {
+            moments[at.nearest][k] += path_count * flux * double{at.sample_value(photons[i], candidates[k])};
+        }
+    }
+}
+
 }  // namespace
 
 std::vector<float> guide_fractions(const RenderContext& context, std::span<const Receiver> receivers,
-                                   const SlopeCache& cache, const SlopeMixtureOptions& options) {
+                                   const SlopeCache& cache, const SlopeMixtureOptions& options,
+                                   const std::vector<CausticPhoton>& photons,
+                                   const std::vector<PhotonCoverage>& coverage) {
     tbb::enumerable_thread_specific<std::unique_ptr<FractionTrial>> threads;
     std::vector<Moments> moments(receivers.size());
     tbb::parallel_for(size_t{0}, receivers.size(), [&](size_t i) {
@@ -101,6 +116,7 @@ std::vector<float> guide_fractions(const RenderContext& context, std::span<const
         if (!trial) trial = std::make_unique<FractionTrial>(context, cache, options);
         moments[i] = trial->moments(receivers[i], static_cast<uint32_t>(i));
     });
+    add_uncovered(cache, photons, coverage, moments);
     std::vector<float> fractions(receivers.size());
     for (size_t i = 0; i < receivers.size(); ++i) {
         std::array<FoundPoint, shared_points> found;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "guiding/slope_mixture.h"
+#include "integrators/guided/photon_coverage.h"
 #include "integrators/integrator.h"
 #include "pathcut/receiver_sampler.h"
 
@@ -12,9 +13,12 @@ namespace nephroid {
 
 /// For every cached point, which is a receiver. Paths start from each in directions of mixture and BSDF alike, and the
 /// second moment of the estimator is summed up for every fraction in question; the least one wins. What lobes do not
-/// cover (light that is no caustic, caustics of more reflections) raises the moment of high fractions. Moments are
-/// shared with the points around, for such light is rare. Deterministic.
+/// cover (light that is no caustic, caustics of more reflections) raises the moment of high fractions. Such light is
+/// rare: moments are shared with the points around, and where photons (with their `coverage` by the cache) have found
+/// caustic light that is left to the BSDF, it counts as they say. Deterministic.
 std::vector<float> guide_fractions(const RenderContext& context, std::span<const Receiver> receivers,
-                                   const SlopeCache& cache, const SlopeMixtureOptions& options);
+                                   const SlopeCache& cache, const SlopeMixtureOptions& options,
+                                   const std::vector<CausticPhoton>& photons,
+                                   const std::vector<PhotonCoverage>& coverage);
 
 }  // namespace nephroid

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <span>
 
+#include "integrators/guided/highlights.h"
 #include "integrators/guided/stopwatch.h"
 #include "integrators/path/path_worker.h"
 
@@ -34,10 +35,13 @@ GuidedIntegrator::GuidedIntegrator(const RenderContext& context, const CasterRep
     if (!has_casters || casters.small_lights.empty() || context.max_depth < 2) return;
     if (settings.guide_fraction && *settings.guide_fraction <= 0.0F) return;
     Stopwatch stopwatch;
-    const uint32_t points = affordable_points(context, casters, view, settings);
-    std::vector<Receiver> receivers = choose_receivers(context, view, points);
+    GuidedPaths found = prepare_paths(context, casters, settings);
+    statistics_.seconds_hierarchy = stopwatch.lap();
+    if (settings.lobe == LobeKind::slope) film_guide_ = find_highlights(context, found, settings);
+    statistics_.seconds_highlights = stopwatch.lap();
+    found.receivers = choose_receivers(context, view, affordable_points(context, found, view, settings));
     statistics_.seconds_receivers = stopwatch.lap();
-    const GuidedPaths found = find_guided_paths(context, casters, std::move(receivers), settings, statistics_);
+    search_paths(context, settings, found, statistics_);
     stopwatch.lap();
     const auto keep = [&]<class Mixture>(std::unique_ptr<MixtureCache<Mixture>>& kept, typename Mixture::Cache cache,
                                          const typename Mixture::Options& options) {
@@ -49,13 +53,13 @@ GuidedIntegrator::GuidedIntegrator(const RenderContext& context, const CasterRep
     if (settings.lobe == LobeKind::slope) {
         SlopeMixtureOptions options;
         options.warp = settings.slope_warp;
-        keep(slope_lobes_, make_slope_cache(context, found, settings), options);
+        keep(slope_lobes_, make_slope_cache(context, found, settings, statistics_), options);
     } else {
         SgMixtureOptions options;
         options.warp = settings.sg_warp;
         keep(spherical_gaussians_, make_sg_cache(context, found, settings), options);
+        statistics_.seconds_lobes = stopwatch.lap();
     }
-    statistics_.seconds_lobes = stopwatch.lap();
 }
 
 const DirectionalGuide* GuidedIntegrator::guide() const {
@@ -64,7 +68,7 @@ const DirectionalGuide* GuidedIntegrator::guide() const {
 }
 
 std::unique_ptr<IntegratorWorker> GuidedIntegrator::make_worker() const {
-    return std::make_unique<PathWorker>(context_, guide());
+    return std::make_unique<PathWorker>(context_, guide(), film_guide_.empty() ? nullptr : &film_guide_);
 }
 
 std::optional<GuideFacts> GuidedIntegrator::facts_at(const Vec3& position, const Vec3& normal) const {
@@ -77,18 +81,25 @@ std::optional<IntegratorStatistics> GuidedIntegrator::statistics() const {
     const GuidedStatistics& s = statistics_;
     return IntegratorStatistics{"guiding",
                                 {{"cached_points", s.cached_points},
+                                 {"added_points", s.added_points},
+                                 {"photons", s.photons},
                                  {"lobes", s.lobes},
                                  {"bytes", s.bytes},
                                  {"path_cuts_visited", s.search.nodes_visited},
                                  {"leaf_path_cuts", s.search.leaf_cuts},
                                  {"newton_solves", s.search.solves},
                                  {"newton_converged", s.search.exact + s.search.relaxed},
-                                 {"representative_paths", s.paths}},
-                                {{"seconds_receivers", s.seconds_receivers},
-                                 {"seconds_hierarchy", s.seconds_hierarchy},
+                                 {"representative_paths", s.paths},
+                                 {"points_cut_short", s.search.cut_short},
+                                 {"highlight_pixels", film_guide_.pixels().size()}},
+                                {{"seconds_hierarchy", s.seconds_hierarchy},
+                                 {"seconds_highlights", s.seconds_highlights},
+                                 {"seconds_receivers", s.seconds_receivers},
                                  {"seconds_search", s.seconds_search},
                                  {"seconds_solve", s.seconds_solve},
-                                 {"seconds_lobes", s.seconds_lobes}}};
+                                 {"seconds_lobes", s.seconds_lobes},
+                                 {"seconds_photons", s.seconds_photons},
+                                 {"seconds_fractions", s.seconds_fractions}}};
 }
 
 }  // namespace nephroid

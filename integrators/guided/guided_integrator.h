@@ -11,6 +11,7 @@
 #include <memory>
 #include <optional>
 
+#include "guiding/film_guide.h"
 #include "integrators/guided/sg_cache.h"
 #include "integrators/guided/slope_cache.h"
 
@@ -55,6 +56,7 @@ class GuidedIntegrator final : public Integrator {
   private:
     const RenderContext& context_;
     GuidedStatistics statistics_;
+    FilmGuide film_guide_;
     std::unique_ptr<MixtureCache<SgMixtures>> spherical_gaussians_;
     std::unique_ptr<MixtureCache<SlopeMixtures>> slope_lobes_;
 };

@@ -3,8 +3,15 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <functional>
+#include <numeric>
+#include <span>
+#include <utility>
 
 #include "core/delta_light.h"
+#include "integrators/driver.h"
 #include "integrators/guided/stopwatch.h"
 #include "pathcut/curvature.h"
 
@@ -12,14 +19,17 @@ namespace nephroid {
 
 namespace {
 
-/// A cached point serves shading points up to so many times the spacing of cached points away.
-constexpr float reach_in_footprints = 4.0F;
-
 /// Points that tell what all will cost.
-constexpr uint32_t pilot_points = 200;
+constexpr uint32_t pilot_points = 64;
 
 /// Measured on a 2.6 GHz core, with all else that a search does for each solve.
 constexpr double seconds_per_solve = 6e-6;
+
+/// With a time limit, paths are searched for so many interleaved sets of points, one after the other.
+constexpr size_t rounds_under_time_limit = 8;
+
+/// Of the time for the search: for paths of one reflection, if longer ones are wanted too.
+constexpr double single_reflection_share = 0.6;
 
 /// The surface seen from its other side: the normal turned around.
 PrincipalCurvatures turned_around(const PrincipalCurvatures& surface) {
@@ -27,18 +37,102 @@ PrincipalCurvatures turned_around(const PrincipalCurvatures& surface) {
         {-surface.curvature[1], -surface.curvature[0]}, {surface.direction[1], surface.direction[0]}, -surface.normal};
 }
 
-SearchOptions search_options(const RenderContext& context, const GuidedSettings& settings,
-                             std::span<const SurfacePoint> receiver_points) {
+SearchOptions search_options(const RenderContext& context, const GuidedSettings& settings) {
     SearchOptions options;
     // The last vertex of a path needs a scattering for next event estimation.
-    options.bounces = std::clamp(settings.bounces, 1, static_cast<int>(context.max_depth) - 1);
+    const int longest = settings.long_paths == LongPaths::search ? settings.bounces : 1;
+    options.bounces = std::clamp(longest, 1, static_cast<int>(context.max_depth) - 1);
     options.selection = settings.selection;
     options.solver.newton = settings.newton;
     options.merge_distance = settings.merge_distance;
     options.accelerator = &context.accelerator;
-    options.receiver_points = receiver_points;
     options.keep_occluded = true;
     return options;
+}
+
+/// Paths of some of the receivers.
+struct PathPart {
+    std::vector<uint32_t> receivers;  ///< Indices, ascending.
+    RepresentativePaths paths;
+    bool is_complete() const { return paths.statistics.dropped_cuts == 0; }
+};
+
+PathPart search_part(const GuidedPaths& found, std::vector<uint32_t> receivers, SearchOptions options) {
+    std::vector<Vec3> positions;
+    std::vector<SurfacePoint> points;
+    for (const uint32_t i : receivers) {
+        const Receiver& r = found.receivers[i];
+        positions.push_back(r.position);
+        points.push_back({Vec3d(r.position), r.geometric_normal, r.error});
+    }
+    options.receiver_points = points;
+    const ReceiverTree tree = build_receiver_tree(positions);
+    return {std::move(receivers), find_representative_paths(found.reflectors, tree, found.lights, options)};
+}
+
+/// Each receiver's paths, part after part.
+RepresentativePaths join(std::span<const PathPart> parts, size_t receiver_count) {
+    RepresentativePaths all;
+    all.first_path.assign(receiver_count + 1, 0);
+    for (const PathPart& part : parts) {
+        for (size_t i = 0; i < part.receivers.size(); ++i) {
+            all.first_path[part.receivers[i] + 1] += static_cast<uint32_t>(part.paths.of_receiver(i).size());
+        }
+    }
+    for (size_t i = 1; i < all.first_path.size(); ++i) all.first_path[i] += all.first_path[i - 1];
+    all.paths.resize(all.first_path.back());
+    std::vector<uint32_t> next(all.first_path.begin(), all.first_path.end() - 1);
+    for (const PathPart& part : parts) {
+        const auto first_vertex = static_cast<uint32_t>(all.vertices.size());
+        all.vertices.insert(all.vertices.end(), part.paths.vertices.begin(), part.paths.vertices.end());
+        for (size_t i = 0; i < part.receivers.size(); ++i) {
+            for (RepresentativePath path : part.paths.of_receiver(i)) {
+                path.first_vertex += first_vertex;
+                all.paths[next[part.receivers[i]]++] = path;
+            }
+        }
+        all.statistics += part.paths.statistics;
+        all.beam_bytes = std::max(all.beam_bytes, part.paths.beam_bytes);
+    }
+    return all;
+}
+
+/// Every `rounds`-th receiver: as neighbours follow each other, those of a round lie all over the picture.
+std::vector<uint32_t> receivers_of_round(size_t receivers, size_t round, size_t rounds) {
+    std::vector<uint32_t> indices;
+    for (size_t i = round; i < receivers; i += rounds) indices.push_back(static_cast<uint32_t>(i));
+    return indices;
+}
+
+/// Keeps `kept` of the receivers, ascending; each stands for more surface then.
+void keep_receivers(std::vector<uint32_t>& kept, std::vector<PathPart>& parts, std::vector<Receiver>& receivers) {
+    std::sort(kept.begin(), kept.end());
+    const float growth = std::sqrt(static_cast<float>(receivers.size()) / static_cast<float>(kept.size()));
+    std::vector<uint32_t> new_index(receivers.size());
+    for (size_t i = 0; i < kept.size(); ++i) {
+        new_index[kept[i]] = static_cast<uint32_t>(i);
+        receivers[i] = receivers[kept[i]];
+        receivers[i].footprint *= growth;
+    }
+    receivers.resize(kept.size());
+    for (PathPart& part : parts) {
+        for (uint32_t& i : part.receivers) i = new_index[i];
+    }
+}
+
+/// Paths of one reflection, in rounds if time is short; receivers of the rounds that time has run out for are dropped.
+std::vector<PathPart> search_single_reflections(const SearchOptions& options, GuidedPaths& found) {
+    const size_t rounds = options.should_stop ? rounds_under_time_limit : 1;
+    std::vector<PathPart> parts;
+    std::vector<uint32_t> kept;
+    for (size_t round = 0; round < rounds; ++round) {
+        PathPart part = search_part(found, receivers_of_round(found.receivers.size(), round, rounds), options);
+        if (!part.is_complete()) break;
+        kept.insert(kept.end(), part.receivers.begin(), part.receivers.end());
+        parts.push_back(std::move(part));
+    }
+    if (kept.size() < found.receivers.size()) keep_receivers(kept, parts, found.receivers);
+    return parts;
 }
 
 }  // namespace
@@ -49,41 +143,84 @@ std::vector<Receiver> choose_receivers(const RenderContext& context, const Guide
     return sample_receivers(context.scene, context.accelerator, context.surfaces, context.camera_rays, sampling);
 }
 
-uint32_t affordable_points(const RenderContext& context, const CasterReport& casters, const GuidedView& view,
+GuidedPaths prepare_paths(const RenderContext& context, const CasterReport& casters, const GuidedSettings& settings) {
+    GuidedPaths prepared;
+    prepared.reflectors = build_reflector_tree(reflector_triangles(context.scene, casters), settings.acceptance);
+    for (const uint32_t i : casters.small_lights) {
+        prepared.lights.push_back(make_path_light(context.scene.lights[i], i));
+    }
+    return prepared;
+}
+
+uint32_t affordable_points(const RenderContext& context, const GuidedPaths& prepared, const GuidedView& view,
                            const GuidedSettings& settings) {
     if (settings.cached_points <= pilot_points) return settings.cached_points;
-    GuidedSettings pilot = settings;
-    pilot.bounces = 1;
-    GuidedStatistics statistics;
-    find_guided_paths(context, casters, choose_receivers(context, view, pilot_points), pilot, statistics);
-    const double solves = static_cast<double>(statistics.search.solves) / pilot_points;
+    const std::vector<Receiver> pilot = choose_receivers(context, view, pilot_points);
+    std::vector<Vec3> positions;
+    for (const Receiver& r : pilot) positions.push_back(r.position);
+    SearchOptions options = search_options(context, settings);
+    options.bounces = 1;
+    options.accelerator = nullptr;
+    const RepresentativePaths paths =
+        find_representative_paths(prepared.reflectors, build_receiver_tree(positions), prepared.lights, options);
+    const double solves = static_cast<double>(paths.statistics.solves) / pilot_points;
     const double affordable = settings.search_seconds / (seconds_per_solve * std::max(solves, 1.0));
-    return static_cast<uint32_t>(std::clamp(affordable, double{pilot_points}, static_cast<double>(settings.cached_points)));
+    return static_cast<uint32_t>(
+        std::clamp(affordable, double{pilot_points}, static_cast<double>(settings.cached_points)));
+}
+
+void search_paths(const RenderContext& context, const GuidedSettings& settings, GuidedPaths& found,
+                  GuidedStatistics& statistics) {
+    Stopwatch stopwatch;
+    SearchOptions options = search_options(context, settings);
+    const int longest = options.bounces;
+    const auto stop_at = [&](double share) -> std::function<bool()> {
+        if (!settings.search_end) return {};
+        const auto now = std::chrono::steady_clock::now();
+        const auto end =
+            now + std::chrono::duration_cast<std::chrono::steady_clock::duration>(share * (*settings.search_end - now));
+        return [end] { return interrupt_requested || std::chrono::steady_clock::now() >= end; };
+    };
+    options.bounces = 1;
+    options.should_stop = stop_at(longest > 1 ? single_reflection_share : 1.0);
+    std::vector<PathPart> parts = search_single_reflections(options, found);
+    if (longest > 1) {
+        options.shortest = 2;
+        options.bounces = longest;
+        options.should_stop = stop_at(1.0);
+        parts.push_back(search_part(found, receivers_of_round(found.receivers.size(), 0, 1), options));
+    }
+    found.paths = join(parts, found.receivers.size());
+    statistics.seconds_search = stopwatch.lap();
+    statistics.search = found.paths.statistics;
+    statistics.seconds_solve = found.paths.statistics.solver_seconds / tbb::this_task_arena::max_concurrency();
+    statistics.paths = found.paths.paths.size();
+}
+
+void add_receivers(const RenderContext& context, const GuidedSettings& settings, std::span<const Receiver> more,
+                   GuidedPaths& found, GuidedStatistics& statistics) {
+    Stopwatch stopwatch;
+    SearchOptions options = search_options(context, settings);
+    options.bounces = 1;
+    const size_t before = found.receivers.size();
+    std::vector<PathPart> parts;
+    parts.push_back({receivers_of_round(before, 0, 1), std::move(found.paths)});
+    found.receivers.insert(found.receivers.end(), more.begin(), more.end());
+    std::vector<uint32_t> added(more.size());
+    std::iota(added.begin(), added.end(), static_cast<uint32_t>(before));
+    parts.push_back(search_part(found, std::move(added), options));
+    found.paths = join(parts, found.receivers.size());
+    statistics.seconds_search += stopwatch.lap();
+    statistics.search = found.paths.statistics;
+    statistics.paths = found.paths.paths.size();
 }
 
 GuidedPaths find_guided_paths(const RenderContext& context, const CasterReport& casters,
                               std::vector<Receiver> receivers, const GuidedSettings& settings,
                               GuidedStatistics& statistics) {
-    GuidedPaths found;
+    GuidedPaths found = prepare_paths(context, casters, settings);
     found.receivers = std::move(receivers);
-    Stopwatch stopwatch;
-    found.reflectors = build_reflector_tree(reflector_triangles(context.scene, casters), settings.acceptance);
-    std::vector<Vec3> positions;
-    std::vector<SurfacePoint> points;
-    for (const Receiver& r : found.receivers) {
-        positions.push_back(r.position);
-        points.push_back({Vec3d(r.position), r.geometric_normal, r.error});
-    }
-    const ReceiverTree receiver_tree = build_receiver_tree(positions);
-    statistics.seconds_hierarchy = stopwatch.lap();
-
-    for (const uint32_t i : casters.small_lights) found.lights.push_back(make_path_light(context.scene.lights[i], i));
-    found.paths = find_representative_paths(found.reflectors, receiver_tree, found.lights,
-                                            search_options(context, settings, points));
-    statistics.seconds_search = stopwatch.lap();
-    statistics.search = found.paths.statistics;
-    statistics.seconds_solve = found.paths.statistics.solver_seconds / tbb::this_task_arena::max_concurrency();
-    statistics.paths = found.paths.paths.size();
+    search_paths(context, settings, found, statistics);
     return found;
 }
 

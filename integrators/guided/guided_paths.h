@@ -2,6 +2,7 @@
 // specular paths from the small lights to each (Sec. 3.3, Li et al. 2022).
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "core/casters.h"
@@ -13,21 +14,36 @@
 
 namespace nephroid {
 
+/// A cached point serves shading points up to so many times the spacing of cached points away.
+inline constexpr float reach_in_footprints = 4.0F;
+
 struct GuidedPaths {
     std::vector<Receiver> receivers;
     std::vector<PathLight> lights;
     ReflectorTree reflectors;
-    RepresentativePaths paths;
+    RepresentativePaths paths;  ///< Of each receiver: those of one reflection, then the longer ones.
 };
+
+/// The casters and small lights of a scene; no receivers and no paths yet.
+GuidedPaths prepare_paths(const RenderContext& context, const CasterReport& casters, const GuidedSettings& settings);
 
 /// Points where the camera looks, about `count`.
 std::vector<Receiver> choose_receivers(const RenderContext& context, const GuidedView& view, uint32_t count);
 
-/// How many points the settings' search_seconds allow.
-uint32_t affordable_points(const RenderContext& context, const CasterReport& casters, const GuidedView& view,
+/// How many points the settings' search_seconds allow. `prepared` has no receivers yet.
+uint32_t affordable_points(const RenderContext& context, const GuidedPaths& prepared, const GuidedView& view,
                            const GuidedSettings& settings);
 
-/// Deterministic: depends on the arguments, not on the number of threads.
+/// The paths of found.receivers. Deterministic, whatever the number of threads, unless settings.search_end comes first:
+/// then receivers that nothing is known about are dropped, evenly, and longer paths may be missing.
+void search_paths(const RenderContext& context, const GuidedSettings& settings, GuidedPaths& found,
+                  GuidedStatistics& statistics);
+
+/// More receivers behind the others, with their paths of one reflection.
+void add_receivers(const RenderContext& context, const GuidedSettings& settings, std::span<const Receiver> more,
+                   GuidedPaths& found, GuidedStatistics& statistics);
+
+/// All of this for given receivers.
 GuidedPaths find_guided_paths(const RenderContext& context, const CasterReport& casters,
                               std::vector<Receiver> receivers, const GuidedSettings& settings,
                               GuidedStatistics& statistics);

@@ -1,6 +1,7 @@
 // What can be set about the guided integrator, and what it reports.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <optional>
 
@@ -16,6 +17,12 @@ enum class LobeKind : uint8_t {
     slope,               ///< The material's profile in slope space: lobes.md.
 };
 
+/// How light of two and more reflections is found.
+enum class LongPaths : uint8_t {
+    photons,  ///< Lobes fitted to photons, of any number of reflections. Slope lobes only.
+    search,   ///< Representative paths, as for one reflection.
+};
+
 struct GuidedSettings {
     LobeKind lobe = LobeKind::slope;
     uint32_t cached_points = 10000;  ///< About so many; more follow the caustic's shape better and take longer to make.
@@ -23,7 +30,11 @@ struct GuidedSettings {
     /// seconds, told from the number of solves that some of them take: not from a clock, so that the picture does not
     /// depend on the machine.
     double search_seconds = 5.0;
-    int bounces = 2;  ///< Reflections of the longest paths; 1 .. max_chain_length.
+    double photons = 32.0;  ///< For each cached point: they tell where points are missing, and how much to guide.
+    /// The search for paths ends at this time at the latest; none: when it is done.
+    std::optional<std::chrono::steady_clock::time_point> search_end;
+    int bounces = 2;  ///< Reflections of the longest paths; 1 .. max_chain_length. Photons: one, or any number.
+    LongPaths long_paths = LongPaths::photons;
     /// Which paths count: below this normal distribution (Eq. 1), or within this multiple of alpha if it is above zero.
     AcceptanceOptions acceptance{.epsilon = 0.01, .alpha_multiple = 6.0};
     bool newton = true;           ///< Otherwise the triangles' centres stand for the paths' vertices (Fig. 13).
@@ -39,6 +50,7 @@ struct GuidedSettings {
 inline GuidedSettings paper_settings() {
     GuidedSettings settings;
     settings.lobe = LobeKind::spherical_gaussian;
+    settings.long_paths = LongPaths::search;
     settings.selection = Selection::every_triangle;
     settings.acceptance.alpha_multiple = 0.0;
     settings.guide_fraction = 0.5F;
@@ -57,12 +69,17 @@ struct GuidedStatistics {
     size_t cached_points = 0;
     size_t lobes = 0;
     size_t paths = 0;
-    size_t bytes = 0;  ///< Of the cache while rendering.
-    double seconds_receivers = 0.0;
+    size_t photons = 0;              ///< That landed.
+    size_t added_points = 0;         ///< Of cached_points: where photons found them missing.
+    size_t bytes = 0;                ///< Of the cache while rendering.
+    double seconds_receivers = 0.0;  ///< Including the pilot search that tells how many are affordable.
     double seconds_hierarchy = 0.0;
+    double seconds_highlights = 0.0;
     double seconds_search = 0.0;  ///< Path cuts and Newton solves, which take turns.
     double seconds_solve = 0.0;   ///< Of these, Newton solves: processor seconds over threads.
     double seconds_lobes = 0.0;
+    double seconds_photons = 0.0;
+    double seconds_fractions = 0.0;
 };
 
 }  // namespace nephroid

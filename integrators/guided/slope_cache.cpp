@@ -2,19 +2,17 @@
 
 #include <tbb/parallel_for.h>
 
-#include <algorithm>
-#include <cmath>
+#include <chrono>
+#include <utility>
 
 #include "integrators/guided/guide_fraction.h"
-#include "integrators/guided/lobe_weight.h"
-#include "integrators/guided/secant_fit.h"
+#include "integrators/guided/slope_lobe_maker.h"
+#include "integrators/guided/stopwatch.h"
+#include "integrators/guided/uncovered_photons.h"
 
 namespace nephroid {
 
 namespace {
-
-/// Half axes of a lobe's footprint are at most this share of the extent of all reflectors.
-constexpr double largest_extent_share = 0.1;
 
 /// Lobes that bring less than this share of a point's light are dropped: the protective lobe is above them.
 constexpr float least_weight_share = 1e-4F;
@@ -22,111 +20,130 @@ constexpr float least_weight_share = 1e-4F;
 /// Until guide_fractions has found a better one.
 constexpr float trial_fraction = 0.5F;
 
-class SlopeLobeMaker {
+/// At most so many points are added, as a share of those before.
+constexpr float most_added = 0.25F;
+
+/// Of all paths of a receiver.
+std::vector<CachedSlopeLobe<float>> lobes_of(const SlopeLobeMaker& maker, const GuidedPaths& found, size_t index) {
+    std::vector<CachedSlopeLobe<float>> lobes;
+    float total = 0.0F;
+    for (const RepresentativePath& path : found.paths.of_receiver(index)) {
+        const CachedSlopeLobe<float> lobe = maker.lobe_of(found.receivers[index], path);
+        if (!(lobe.weight > 0.0F)) continue;
+        lobes.push_back(lobe);
+        total += lobe.weight;
+    }
+    std::erase_if(lobes, [&](const auto& lobe) { return lobe.weight < least_weight_share * total; });
+    return lobes;
+}
+
+/// A cache in the making.
+class SlopeCacheMaker {
   public:
-    SlopeLobeMaker(const RenderContext& context, const GuidedPaths& found)
-        : context_(context), found_(found), weights_(context, found), fit_(context, found) {
-        Bounds bounds;
-        for (uint32_t i = 0; i < found.reflectors.size(); ++i) {
-            for (size_t k = 0; k < 3; ++k) bounds.extend(found.reflectors.position(i, k));
-        }
-        if (!bounds.empty()) {
-            largest_extent_ = largest_extent_share * double{glm::length(bounds.max - bounds.min)};
-        }
+    SlopeCacheMaker(const RenderContext& context, GuidedPaths& found, const GuidedSettings& settings,
+                    GuidedStatistics& statistics)
+        : context_(context), found_(found), settings_(settings), statistics_(statistics), maker_(context, found) {
+        options_.warp = settings.slope_warp;
     }
 
-    std::vector<CachedSlopeLobe<float>> lobes_of(size_t index) const {
-        std::vector<CachedSlopeLobe<float>> lobes;
-        float total = 0.0F;
-        for (const RepresentativePath& path : found_.paths.of_receiver(index)) {
-            const CachedSlopeLobe<float> lobe = lobe_of(found_.receivers[index], path);
-            if (!(lobe.weight > 0.0F) || !std::isfinite(lobe.weight)) continue;
-            lobes.push_back(lobe);
-            total += lobe.weight;
-        }
-        std::erase_if(lobes, [&](const auto& lobe) { return lobe.weight < least_weight_share * total; });
-        return lobes;
+    SlopeCache run() {
+        make_lobes();
+        rebuild();
+        statistics_.seconds_lobes = stopwatch_.lap();
+        if (cache_.points.empty() || settings_.photons == 0.0 || is_over()) return std::move(cache_);
+        trace_photons();
+        add_points();
+        if (settings_.bounces > 1 && settings_.long_paths == LongPaths::photons) add_long_paths();
+        if (!settings_.guide_fraction) choose_fractions();
+        return std::move(cache_);
     }
 
   private:
-    CachedSlopeLobe<float> lobe_of(const Receiver& receiver, const RepresentativePath& path) const {
-        const auto found = found_.paths.vertices_of(path);
-        PerVertex<uint32_t> triangles{};
-        ChainPosition position{};
-        for (size_t i = 0; i < found.size(); ++i) {
-            triangles[i] = found[i].triangle;
-            position[i] = Vec2d(found[i].b1, found[i].b2);
-        }
-        const PathLight& light = found_.lights[path.light];
-        TuplePatches tuple;
-        make_tuple_chain(found_.reflectors, std::span(triangles).first(found.size()), receiver.position, light, tuple);
-        const ChainEvaluation evaluation = evaluate(tuple.chain, position);
-        if (!evaluation.valid) return {};
-        PerVertex<double> widths = lobe_widths(tuple.chain, evaluation, light);
-        LinearisedPath linear =
-            linearise(tuple.chain, evaluation, std::span(widths).first(found.size()), largest_extent_);
-        if (found.size() == 1) {
-            fit_.apply(receiver, tuple.chain, evaluation, widths[0], largest_extent_, linear.footprint);
-            linear.density = double{inv_pi} / (linear.footprint.extent[0] * linear.footprint.extent[1]);
-        }
-        CachedSlopeLobe<float> lobe = make_cached_lobe(tuple.chain, evaluation, linear, widths[0]);
-        lobe.weight = weights_.of(receiver, path, linear.density, lobe);
-        return lobe;
+    /// Of the receivers that have none yet.
+    void make_lobes() {
+        const size_t before = lobes_.size();
+        lobes_.resize(found_.receivers.size());
+        tbb::parallel_for(before, lobes_.size(), [&](size_t i) { lobes_[i] = lobes_of(maker_, found_, i); });
     }
 
-    /// Alpha for exact paths, more for relaxed ones and for lights that are not points.
-    static PerVertex<double> lobe_widths(const SpecularChain& chain, const ChainEvaluation& evaluation,
-                                         const PathLight& light) {
-        PerVertex<double> widths{};
-        const auto length = static_cast<size_t>(chain.length);
-        for (size_t i = 0; i < length; ++i) {
-            const SlopeConstraint& constraint = evaluation.constraints[i];
-            const double alpha = std::max(chain.vertices[i].alpha, double{delta_alpha});
-            double squared = alpha * alpha + glm::dot(constraint.slope, constraint.slope);
-            if (i + 1 == length && light.radius > 0.0F) {
-                // A ball's points lie r / 2 from its centre in any direction, on average and squared; two directions
-                // across count for the two slopes.
-                double spread = 0.0;
-                for (int k = 0; k < 3; ++k) spread += glm::dot(constraint.by_light[k], constraint.by_light[k]);
-                squared += 0.5 * spread * double{light.radius} * double{light.radius};
-            }
-            widths[i] = std::sqrt(squared);
+    void rebuild() {
+        std::vector<CachedSlopeLobe<float>> all;
+        cache_ = {};
+        for (size_t i = 0; i < lobes_.size(); ++i) {
+            cache_.points.push_back(make_cached_point(found_.receivers[i], all.size(), lobes_[i].size()));
+            cache_.points[i].fraction = lobes_[i].empty() ? 0.0F : settings_.guide_fraction.value_or(trial_fraction);
+            all.insert(all.end(), lobes_[i].begin(), lobes_[i].end());
         }
-        return widths;
+        cache_.lobes = SlopeLobeArray(all);
+        cache_.lookup = CachedPointLookup(cache_.points);
+        cache_.leads_on = has_long_paths(found_);
     }
+
+    void trace_photons() {
+        const auto count = static_cast<uint32_t>(settings_.photons * static_cast<double>(found_.receivers.size()));
+        photons_ = trace_caustic_photons(context_, found_, count, context_.max_depth - 1);
+        coverage_ = measure_coverage(cache_, options_, photons_);
+        statistics_.photons = photons_.size();
+        statistics_.seconds_photons = stopwatch_.lap();
+    }
+
+    void add_points() {
+        if (is_over()) return;
+        const auto most = static_cast<size_t>(most_added * static_cast<float>(found_.receivers.size()));
+        const std::vector<Receiver> more = poorly_covered(cache_, photons_, coverage_, most);
+        if (more.empty()) return;
+        add_receivers(context_, settings_, more, found_, statistics_);
+        stopwatch_.lap();
+        make_lobes();
+        rebuild();
+        coverage_ = measure_coverage(cache_, options_, photons_);
+        statistics_.added_points = more.size();
+        statistics_.seconds_lobes += stopwatch_.lap();
+    }
+
+    void add_long_paths() {
+        if (is_over()) return;
+        const UncoveredPhotons uncovered(cache_, photons_, coverage_);
+        tbb::parallel_for(size_t{0}, lobes_.size(), [&](size_t i) {
+            const auto more = uncovered.lobes_at(cache_.points[i]);
+            lobes_[i].insert(lobes_[i].end(), more.begin(), more.end());
+        });
+        const size_t before = cache_.lobes.size();
+        rebuild();
+        cache_.leads_on = cache_.leads_on || cache_.lobes.size() > before;
+        coverage_ = measure_coverage(cache_, options_, photons_);
+        statistics_.seconds_photons += stopwatch_.lap();
+    }
+
+    void choose_fractions() {
+        const std::vector<float> fractions =
+            guide_fractions(context_, found_.receivers, cache_, options_, photons_, coverage_);
+        for (size_t i = 0; i < fractions.size(); ++i) {
+            if (!lobes_[i].empty()) cache_.points[i].fraction = fractions[i];
+        }
+        statistics_.seconds_fractions = stopwatch_.lap();
+    }
+
+    bool is_over() const { return settings_.search_end && std::chrono::steady_clock::now() >= *settings_.search_end; }
 
     const RenderContext& context_;
-    const GuidedPaths& found_;
-    LobeWeights weights_;
-    SecantFit fit_;
-    double largest_extent_ = 1.0;
+    GuidedPaths& found_;
+    const GuidedSettings& settings_;
+    GuidedStatistics& statistics_;
+    SlopeLobeMaker maker_;
+    SlopeMixtureOptions options_;
+    Stopwatch stopwatch_;
+    SlopeCache cache_;
+    std::vector<std::vector<CachedSlopeLobe<float>>> lobes_;  ///< Of each cached point.
+    std::vector<CausticPhoton> photons_;
+    std::vector<PhotonCoverage> coverage_;
 };
 
 }  // namespace
 
-SlopeCache make_slope_cache(const RenderContext& context, const GuidedPaths& found, const GuidedSettings& settings) {
-    const SlopeLobeMaker maker(context, found);
-    const size_t count = found.receivers.size();
-    std::vector<std::vector<CachedSlopeLobe<float>>> lobes(count);
-    tbb::parallel_for(size_t{0}, count, [&](size_t i) { lobes[i] = maker.lobes_of(i); });
-    SlopeCache cache;
-    std::vector<CachedSlopeLobe<float>> all;
-    for (size_t i = 0; i < count; ++i) {
-        cache.points.push_back(make_cached_point(found.receivers[i], all.size(), lobes[i].size()));
-        cache.points.back().fraction = lobes[i].empty() ? 0.0F : settings.guide_fraction.value_or(trial_fraction);
-        all.insert(all.end(), lobes[i].begin(), lobes[i].end());
-    }
-    cache.lobes = SlopeLobeArray(all);
-    cache.lookup = CachedPointLookup(cache.points);
-    cache.leads_on = has_long_paths(found);
-    if (settings.guide_fraction) return cache;
-    SlopeMixtureOptions options;
-    options.warp = settings.slope_warp;
-    const std::vector<float> fractions = guide_fractions(context, found.receivers, cache, options);
-    for (size_t i = 0; i < count; ++i) {
-        if (!lobes[i].empty()) cache.points[i].fraction = fractions[i];
-    }
-    return cache;
+SlopeCache make_slope_cache(const RenderContext& context, GuidedPaths& found, const GuidedSettings& settings,
+                            GuidedStatistics& statistics) {
+    return SlopeCacheMaker(context, found, settings, statistics).run();
 }
 
 }  // namespace nephroid

@@ -7,6 +7,8 @@
 
 namespace nephroid {
 
-SlopeCache make_slope_cache(const RenderContext& context, const GuidedPaths& found, const GuidedSettings& settings);
+/// Cached points, and more of them (added to `found`) where photons show that these do not cover the light.
+SlopeCache make_slope_cache(const RenderContext& context, GuidedPaths& found, const GuidedSettings& settings,
+                            GuidedStatistics& statistics);
 
 }  // namespace nephroid

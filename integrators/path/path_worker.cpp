@@ -1,6 +1,7 @@
 #include "integrators/path/path_worker.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "core/delta_light.h"
 #include "core/rounding.h"
@@ -25,6 +26,9 @@ constexpr float least_survival = 0.05F;
 
 /// Throughput below which a path may end before, where a guide has taken its light already.
 constexpr float spent_throughput = 0.05F;
+
+/// Tells the random numbers of FilmGuide's choice from all others.
+constexpr uint32_t highlight_choice = 0x5bd1e995U;
 
 /// Shadow rays end this far (relative) before their target: two roundings of the segment's length.
 constexpr float segment_end = 1.0F - 4.0F * rounding_bound(1);
@@ -58,7 +62,7 @@ std::unique_ptr<IntegratorWorker> PathIntegrator::make_worker() const {
     return std::make_unique<PathWorker>(context_, nullptr);
 }
 
-PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* guide)
+PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* guide, const FilmGuide* film_guide)
     : context_(context),
       seeds_(max_slots_per_block),
       indices_(max_slots_per_block),
@@ -66,7 +70,8 @@ PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* gui
       hits_(max_slots_per_block),
       vertices_(max_slots_per_block),
       lights_(max_slots_per_block),
-      shadows_(max_slots_per_block) {
+      shadows_(max_slots_per_block),
+      film_guide_(film_guide) {
     if (guide == nullptr) return;
     guide_ = guide->make_worker();
     least_guided_alpha_ = guide->least_alpha();
@@ -77,6 +82,7 @@ PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* gui
 void PathWorker::render(const SampleBlock& block, SampleBuffer& samples) {
     clear(samples, block.slot_count());
     start_paths(block);
+    if (film_guide_ != nullptr) guide_film_positions(block);
     trace_paths(samples);
 }
 
@@ -178,6 +184,37 @@ NEPHROID_FLATTEN void PathWorker::start_paths(const SampleBlock& block) {
     }
 }
 
+// Pixels of the block with highlights start anew.
+void PathWorker::guide_film_positions(const SampleBlock& block) {
+    const auto& pixels = film_guide_->pixels();
+    const auto is_above = [](const FilmGuide::Pixel& pixel, int y) { return pixel.y < y; };
+    auto pixel = std::lower_bound(pixels.begin(), pixels.end(), block.tile_y, is_above);
+    for (; pixel != pixels.end() && pixel->y < block.tile_y + tile_size; ++pixel) {
+        for (uint32_t p = 0; p < block.pixel_count; ++p) {
+            const bool same =
+                block.tile_x + block.pixel_x[p] == pixel->x && block.tile_y + block.pixel_y[p] == pixel->y;
+            if (same) guide_film_positions(block, p, *pixel);
+        }
+    }
+}
+
+void PathWorker::guide_film_positions(const SampleBlock& block, uint32_t p, const FilmGuide::Pixel& pixel) {
+    for (uint32_t s = 0; s < block.sample_count; ++s) {
+        const size_t slot = size_t{s} * block.pixel_count + p;
+        const auto [u, v] = sample_2d(context_.sampler, seeds_[slot], indices_[slot], film_dimension);
+        const uint32_t choice_seed = pixel_seed(seeds_[slot], highlight_choice, context_.seed);
+        const float choice = sample_1d(context_.sampler, choice_seed, indices_[slot], film_dimension);
+        const Vec2 film = film_guide_->sample(pixel, choice, u, v);
+        const bool inside =
+            std::floor(film.x) == static_cast<float>(pixel.x) && std::floor(film.y) == static_cast<float>(pixel.y);
+        // What lies outside still takes its slot: as black.
+        paths_.throughput.set(slot, Vec3(inside ? 1.0F / film_guide_->pdf(pixel, film) : 0.0F));
+        if (!inside) continue;
+        const CameraRays& camera = context_.camera_rays;
+        paths_.rays.set(slot, to_vec3(camera.origin(film.x, film.y)), to_vec3(camera.direction(film.x, film.y)));
+    }
+}
+
 void PathWorker::trace(uint32_t bounce) {
     rays_ += paths_.rays.count;
     context_.accelerator.intersect(paths_.rays, bounce == 0, hits_);
@@ -274,12 +311,14 @@ void PathWorker::record_first_hits(SampleBuffer& samples) const {
     if (!aovs.depth && !aovs.normal && !aovs.albedo) return;
     for (size_t k = 0; k < vertices_.count; ++k) {
         const size_t slot = vertices_.slot[k];
-        samples.depth[slot] = hits_.t[vertices_.path[k]];
+        // One, but where a film guide has a say.
+        const float weight = vertices_.throughput.get(k).x;
+        samples.depth[slot] = weight * hits_.t[vertices_.path[k]];
         const Vec3 normal = vertices_.shading_normal.get(k);
         const Rgb albedo = vertices_.base.get(k);
         for (int c = 0; c < 3; ++c) {
-            samples.normal[c][slot] = normal[c];
-            samples.albedo[c][slot] = albedo[c];
+            samples.normal[c][slot] = weight * normal[c];
+            samples.albedo[c][slot] = weight * albedo[c];
         }
     }
 }

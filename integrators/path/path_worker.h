@@ -5,6 +5,7 @@
 #include <span>
 
 #include "guiding/directional_guide.h"
+#include "guiding/film_guide.h"
 #include "integrators/integrator.h"
 #include "integrators/path/wave.h"
 
@@ -12,8 +13,9 @@ namespace nephroid {
 
 class PathWorker final : public IntegratorWorker {
   public:
-    /// `guide` may be null: directions then come from the BSDF alone.
-    PathWorker(const RenderContext& context, const DirectionalGuide* guide);
+    /// `guide` may be null: directions then come from the BSDF alone. `film_guide` may be null: film positions then lie
+    /// evenly in their pixel.
+    PathWorker(const RenderContext& context, const DirectionalGuide* guide, const FilmGuide* film_guide = nullptr);
     void render(const SampleBlock& block, SampleBuffer& samples) override;
     /// Radiance that arrives at the rays' origins against their directions, in slots 0 .. count - 1 of `samples`; at
     /// most max_slots_per_block rays of unit direction. `first_index` numbers the samples of all rays alike; rays of
@@ -25,6 +27,8 @@ class PathWorker final : public IntegratorWorker {
   private:
     void clear(SampleBuffer& samples, size_t slots) const;
     void start_paths(const SampleBlock& block);
+    void guide_film_positions(const SampleBlock& block);
+    void guide_film_positions(const SampleBlock& block, uint32_t p, const FilmGuide::Pixel& pixel);
     void trace_paths(SampleBuffer& samples);
     void trace(uint32_t bounce);
     void collect_vertices(uint32_t bounce, SampleBuffer& samples);
@@ -60,6 +64,7 @@ class PathWorker final : public IntegratorWorker {
         special_paths_;  ///< Paths that hit a light or a surface that is not plain (Surfaces::is_plain).
     LightWave lights_;
     ShadowWave shadows_;
+    const FilmGuide* film_guide_;
     std::unique_ptr<GuideWorker> guide_;  ///< Null: not guided.
     float least_guided_alpha_ = 0.0F;     ///< DirectionalGuide::least_alpha.
     bool guide_leads_on_ = false;         ///< DirectionalGuide::leads_on.

@@ -1,0 +1,65 @@
+// Film positions where the camera sees a lamp mirrored in glossy metal: highlights smaller than a pixel, which evenly
+// spread samples of the pixel hit once in a thousand times.
+//
+// To the pinhole, a highlight is what a caustic is to a receiver, so it has slope lobes too. In the few pixels that
+// they touch, positions come from the lobes with a probability and evenly otherwise; those outside of the pixel count
+// as black. With the density of both, the pixel's mean stays what it is.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/camera.h"
+#include "guiding/slope_lobe.h"
+
+namespace nephroid {
+
+/// A highlight as the camera sees it.
+struct FilmLobe {
+    SlopeLobe<float> lobe;    ///< At the pinhole.
+    float irradiance = 0.0F;  ///< That it brings to the pinhole, luminance in W/m^2.
+    float background = 0.0F;  ///< Radiance of what else its pixels may show, W/(m^2 sr), as a scale.
+};
+
+class FilmGuide {
+  public:
+    /// A pixel of the image with highlights.
+    struct Pixel {
+        int x = 0, y = 0;
+        float fraction = 0.0F;  ///< Probability of the lobes.
+        uint32_t first = 0;     ///< Of its lobes.
+        uint32_t count = 0;
+    };
+
+    FilmGuide() : projection_(CameraRays{}) {}
+    /// For a pinhole camera.
+    FilmGuide(const CameraRays& rays, std::span<const FilmLobe> lobes);
+
+    /// All pixels that are guided, in rows. Not the ones where a highlight is as wide as the pixel.
+    const std::vector<Pixel>& pixels() const { return pixels_; }
+    bool empty() const { return pixels_.empty(); }
+
+    /// A film position in pixels, maybe outside of the pixel; u_choice, u, v in [0, 1).
+    Vec2 sample(const Pixel& pixel, float u_choice, float u, float v) const;
+    /// Density per square pixel inside the pixel; positive.
+    float pdf(const Pixel& pixel, const Vec2& film) const;
+
+  private:
+    /// A lobe's part in a pixel.
+    struct Share {
+        uint32_t lobe = 0;
+        float weight = 0.0F;  ///< Probability among the pixel's lobes.
+    };
+
+    Vec2 film_position(const FilmLobe& lobe, float u_width, float u, float v) const;
+    float film_density(const FilmLobe& lobe, const Vec2& film) const;
+
+    CameraRays rays_{};
+    CameraProjection projection_;
+    std::vector<FilmLobe> lobes_;
+    std::vector<Share> shares_;
+    std::vector<Pixel> pixels_;
+};
+
+}  // namespace nephroid

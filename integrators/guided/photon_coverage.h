@@ -1,0 +1,36 @@
+// How well a cache of lobes covers the light that photons have found, and where it needs more points.
+#pragma once
+
+#include <vector>
+
+#include "guiding/slope_mixture.h"
+#include "integrators/guided/caustic_photons.h"
+
+namespace nephroid {
+
+/// What guiding does at a photon.
+struct PhotonCoverage {
+    uint32_t nearest = 0;    ///< The cached point.
+    float guide_pdf = 0.0F;  ///< Of the mixture for the direction that the photon comes from, 1/sr.
+    float bsdf_pdf = 0.0F;   ///< Of a diffuse surface, 1/sr; zero: no cached point serves the photon.
+
+    /// One sample of the irradiance that goes the photon's way, W/m^2, where the guide has the probability `fraction`.
+    float sample_value(const CausticPhoton& photon, float fraction) const {
+        const float cosine = bsdf_pdf * pi;
+        return photon.radiance * cosine / (fraction * guide_pdf + (1.0F - fraction) * bsdf_pdf);
+    }
+};
+
+/// For every photon. Parallel and deterministic.
+std::vector<PhotonCoverage> measure_coverage(const SlopeCache& cache, const SlopeMixtureOptions& options,
+                                             const std::vector<CausticPhoton>& photons);
+
+/// About the area that a cached point stands for, m^2.
+float cached_area(const CachedPoint& point);
+
+/// Photons of one reflection that would be bright dots, and whose light is worth a cached point of their own: those
+/// that add most to the variance, `most` of them at the most.
+std::vector<Receiver> poorly_covered(const SlopeCache& cache, const std::vector<CausticPhoton>& photons,
+                                     const std::vector<PhotonCoverage>& coverage, size_t most);
+
+}  // namespace nephroid

@@ -1,0 +1,129 @@
+// Photons carry the caustic's light, know what paths along them bring, and give lobes that cover them.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <random>
+
+#include "core/casters.h"
+#include "guiding/slope_path.h"
+#include "integrators/guided/caustic_photons.h"
+#include "integrators/guided/lobe_weight.h"
+#include "integrators/guided/photon_lobes.h"
+#include "tests/caustic_scenes.h"
+#include "tests/test_scenes.h"
+
+using namespace nephroid;
+
+namespace {
+
+struct TracedPhotons {
+    explicit TracedPhotons(const testing::CausticScene& caustic, uint32_t count, uint32_t most_reflections)
+        : prepared(caustic.scene, caustic.camera, 8, 8) {
+        paths = prepare_paths(prepared.context, find_casters(caustic.scene), GuidedSettings());
+        photons = trace_caustic_photons(prepared.context, paths, count, most_reflections);
+    }
+    testing::PreparedScene prepared;
+    GuidedPaths paths;
+    std::vector<CausticPhoton> photons;
+};
+
+}  // namespace
+
+TEST_CASE("photons on the floor add up to the caustic's irradiance") {
+    for (const testing::CausticScene& caustic : {testing::sphere_caustic(0.05F), testing::bumpy_plane_caustic(0.05F)}) {
+        const TracedPhotons traced(caustic, 1U << 21, 1);
+        for (const Vec3& centre : caustic.floor_points) {
+            constexpr float half = 0.07F;
+            double power = 0.0, squares = 0.0;
+            for (const CausticPhoton& photon : traced.photons) {
+                const Vec3 off = photon.at.position - centre;
+                if (std::abs(off.x) > half || std::abs(off.z) > half || std::abs(off.y) > 1e-3F) continue;
+                power += double{photon.power};
+                squares += double{photon.power} * double{photon.power};
+            }
+            constexpr double area = 4.0 * double{half} * double{half};
+            double expected = 0.0;
+            for (int i = 0; i < 25; ++i) {
+                const Vec3 x =
+                    centre + Vec3(0.028F * static_cast<float>(i % 5 - 2), 0.0F, 0.028F * static_cast<float>(i / 5 - 2));
+                expected += testing::floor_radiance_parts(caustic, x).reflected / 25.0;
+            }
+            // The floor's albedo is .6. Metal and light are grey.
+            const double irradiance = expected * 3.14159265 / 0.6, error = std::sqrt(squares) / area;
+            INFO(caustic.name, ": ", power / area, " +- ", error, " against ", irradiance);
+            CHECK(error < 0.05 * irradiance);
+            CHECK(std::abs(power / area - irradiance) < 4.0 * error + 0.02 * irradiance);
+        }
+    }
+}
+
+TEST_CASE("a photon of one reflection knows the radiance along its way back") {
+    const testing::CausticScene caustic = testing::sphere_caustic(0.05F);
+    const TracedPhotons traced(caustic, 4096, 1);
+    REQUIRE(traced.photons.size() > 500);
+    for (const CausticPhoton& photon : traced.photons) {
+        const float radiance =
+            reflected_radiance(traced.prepared.context, photon.at, traced.paths.lights[0], photon.wi);
+        // At a silhouette the way back may miss.
+        if (radiance > 0.0F) CHECK(photon.radiance == doctest::Approx(radiance).epsilon(0.05));
+    }
+}
+
+TEST_CASE("photons of two reflections land") {
+    const TracedPhotons traced(testing::two_mirror_caustic(0.05F), 1U << 16, 3);
+    size_t long_ones = 0;
+    for (const CausticPhoton& photon : traced.photons) {
+        CHECK(std::isfinite(photon.power));
+        CHECK(photon.radiance > 0.0F);
+        long_ones += photon.reflections > 1 ? 1 : 0;
+    }
+    CHECK(long_ones > 100);
+}
+
+TEST_CASE("photon lobes have the spread of what they are fitted to") {
+    std::mt19937 generator(3);
+    std::uniform_real_distribution<float> uniform(0.0F, 1.0F);
+    for (const float scale : {1e-4F, 1.0F, 1e5F}) {
+        // GGX's profile about the z axis, .01 and .03 wide.
+        std::vector<PhotonOrigin> origins;
+        for (int i = 0; i < 400; ++i) {
+            const float u = uniform(generator), turn = 6.2831853F * uniform(generator);
+            const float radius = std::sqrt(u / (1.0F - u));
+            origins.push_back(
+                {scale * Vec3(0.01F * radius * std::cos(turn), 0.03F * radius * std::sin(turn), 1.0F), scale * scale});
+        }
+        const auto lobes = fit_photon_lobes(Vec3(0.0F), origins, 5.0F, 1e-4F * scale);
+        REQUIRE(!lobes.empty());
+        float weight = 0.0F;
+        const CachedSlopeLobe<float>* heaviest = &lobes[0];
+        for (const auto& lobe : lobes) {
+            weight += lobe.weight;
+            if (lobe.weight > heaviest->weight) heaviest = &lobe;
+        }
+        CHECK(weight == doctest::Approx(5.0F));
+        const SlopeLobe<float> lobe = unmoved(*heaviest, Vec3(0.0F));
+        CHECK(lobe.axis.z > 0.999F);
+        // Clusters may share the tails: the area that the lobe covers, within a factor.
+        const float area = 1.0F / lobe.determinant();
+        CHECK(area > 0.2F * 3e-4F);
+        CHECK(area < 3.0F * 3e-4F);
+    }
+}
+
+TEST_CASE("photon lobes of degenerate origins") {
+    const Vec3 x(1.0F, 2.0F, 3.0F);
+    const PhotonOrigin one{x + Vec3(0.0F, 1.0F, 0.0F), 1.0F};
+    CHECK(fit_photon_lobes(x, std::vector<PhotonOrigin>(), 1.0F, 0.1F).empty());
+    CHECK(fit_photon_lobes(x, std::vector<PhotonOrigin>(3, one), 1.0F, 0.1F).empty());
+    CHECK(fit_photon_lobes(x, std::vector<PhotonOrigin>(9, {x, 1.0F}), 1.0F, 0.1F).empty());
+    std::vector<PhotonOrigin> line;
+    for (int i = 0; i < 20; ++i) line.push_back({x + Vec3(0.001F * static_cast<float>(i), 1.0F, 0.0F), 1.0F});
+    for (const auto& origins : {std::vector<PhotonOrigin>(9, one), line}) {
+        for (const auto& cached : fit_photon_lobes(x, origins, 1.0F, 0.01F)) {
+            const SlopeLobe<float> lobe = unmoved(cached, x);
+            CHECK(std::isfinite(lobe.determinant()));
+            CHECK(lobe.determinant() > 0.0F);
+            CHECK(cached.weight > 0.0F);
+        }
+    }
+}
