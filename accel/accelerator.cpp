@@ -104,12 +104,6 @@ struct Accelerator::Implementation {
         attach(geometry, top, object_count);
     }
 
-    /// Embree 3.13's occlusion packets never return from some scenes with instances unless they are marked coherent
-    /// (seen with 16-wide packets, robust or not; single rays and coherent packets are fine). Only speed is lost.
-    embree::Context make_context(bool coherent) const {
-        return embree::Context(coherent || has_instances ? embree::Coherence::coherent : embree::Coherence::incoherent);
-    }
-
     /// Maps Embree's ids to ours.
     void translate(uint32_t geometry, uint32_t instance, uint32_t& object, uint32_t& primitive) const {
         object = instance != RTC_INVALID_GEOMETRY_ID ? instance : geometry;
@@ -206,7 +200,9 @@ void load_packet(const RayBatch& rays, size_t first, RTCRay16& packet, int* vali
 }  // namespace
 
 void Accelerator::intersect(RayBatch& rays, bool coherent, HitBatch& hits) const {
-    embree::Context context = implementation_->make_context(coherent);
+    // Among instances as for occlusion below, which coherent packets seem to escape here.
+    const bool as_coherent = coherent || implementation_->has_instances;
+    embree::Context context(as_coherent ? embree::Coherence::coherent : embree::Coherence::incoherent);
     alignas(64) RTCRayHit16 packet;
     alignas(64) int valid[packet_width];
     for (size_t first = 0; first < rays.count; first += packet_width) {
@@ -230,7 +226,15 @@ void Accelerator::intersect(RayBatch& rays, bool coherent, HitBatch& hits) const
 }
 
 void Accelerator::occluded(RayBatch& rays, bool coherent, AlignedArray<uint32_t>& occluded) const {
-    embree::Context context = implementation_->make_context(coherent);
+    // Embree 3.13's occlusion packets never return from some scenes with instances (seen with 16-wide packets, robust
+    // or not, marked coherent or not; single rays are fine). Only speed is lost.
+    if (implementation_->has_instances) {
+        for (size_t i = 0; i < rays.count; ++i) {
+            occluded[i] = this->occluded({rays.origin(i), rays.direction(i), rays.t_max[i]}) ? 1U : 0U;
+        }
+        return;
+    }
+    embree::Context context(coherent ? embree::Coherence::coherent : embree::Coherence::incoherent);
     alignas(64) RTCRay16 packet;
     alignas(64) int valid[packet_width];
     for (size_t first = 0; first < rays.count; first += packet_width) {

@@ -1,6 +1,7 @@
 #include "core/film.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <numeric>
 
@@ -34,6 +35,14 @@ SampleBlock make_tile_block(int tile_x, int tile_y, int image_width, int image_h
     return block;
 }
 
+uint64_t light_paths_per_sample(int image_width, int image_height, const PixelRegion& crop) {
+    const auto extent = [](int begin, int end, int limit) {
+        return std::min((end + tile_size - 1) / tile_size * tile_size, limit) - begin / tile_size * tile_size;
+    };
+    return static_cast<uint64_t>(extent(crop.x0, crop.x1, image_width)) *
+           static_cast<uint64_t>(extent(crop.y0, crop.y1, image_height));
+}
+
 Film::Film(int image_width, int image_height, const PixelRegion& crop, const AovSelection& aovs, bool keep_squares)
     : image_width_(image_width), image_height_(image_height), crop_(crop), aovs_(aovs) {
     const size_t pixels = static_cast<size_t>(crop.width()) * static_cast<size_t>(crop.height());
@@ -56,11 +65,45 @@ void add_three(std::vector<double>& sums, size_t pixel, const AlignedArray<float
 
 }  // namespace
 
+void Film::expect_splats() {
+    splat_counts_.resize(splat_count_kinds);
+    splats_.resize(beauty_.size());
+    caustic_splats_.resize(caustic_.size());
+    splat_squares_.resize(squares_.size());
+}
+
+void Film::add_splats(const SampleBlock& block, uint32_t skip, uint32_t take, const SampleBuffer& buffer) {
+    const auto count = [this](SplatCount kind, uint64_t n) {
+        std::atomic_ref<uint64_t>(splat_counts_[kind]).fetch_add(n, std::memory_order_relaxed);
+    };
+    count(light_path_count, uint64_t{take} * block.pixel_count);
+    const double scale = 1.0 / static_cast<double>(light_paths_per_sample(image_width_, image_height_, crop_));
+    for (const Splat& splat : buffer.splats) {
+        const uint32_t sample = splat.slot / block.pixel_count;
+        if (sample < skip || sample >= skip + take || !in_crop(splat.x, splat.y)) continue;
+        // "Not below" rather than "above": NaN must be counted too.
+        const float sum = splat.value.r + splat.value.g + splat.value.b;
+        if (!(static_cast<double>(sum) < ExactSums::largest_value)) {
+            count(nonfinite_splat_count, 1);
+            continue;
+        }
+        const size_t pixel = pixel_index(splat.x, splat.y);
+        for (int c = 0; c < 3; ++c) {
+            const size_t i = pixel * 3 + static_cast<size_t>(c);
+            const auto value = static_cast<double>(splat.value[c]);
+            splats_.add(i, value);
+            if (splat.caustic && !caustic_splats_.empty()) caustic_splats_.add(i, value);
+            if (!splat_squares_.empty()) splat_squares_.add(i, std::min(value * scale * value * scale, 0x1p46));
+        }
+    }
+}
+
 void Film::add(const SampleBlock& block, uint32_t skip, uint32_t take, const SampleBuffer& buffer) {
+    if (!splat_counts_.empty()) add_splats(block, skip, take, buffer);
     for (uint32_t p = 0; p < block.pixel_count; ++p) {
         const int x = block.tile_x + block.pixel_x[p];
         const int y = block.tile_y + block.pixel_y[p];
-        if (x < crop_.x0 || x >= crop_.x1 || y < crop_.y0 || y >= crop_.y1) continue;
+        if (!in_crop(x, y)) continue;
         const size_t pixel = pixel_index(x, y);
         counts_[pixel] += take;
         for (uint32_t s = skip; s < skip + take; ++s) {
@@ -83,11 +126,14 @@ void Film::add(const SampleBlock& block, uint32_t skip, uint32_t take, const Sam
     }
 }
 
-std::vector<float> Film::mean(const std::vector<double>& sums, size_t channels) const {
+std::vector<float> Film::mean(const std::vector<double>& sums, size_t channels, const ExactSums& splats) const {
     std::vector<float> result(counts_.size() * channels);
+    const double splat_scale = !splats.empty() && light_paths() > 0.0 ? 1.0 / light_paths() : 0.0;
     for (size_t i = 0; i < result.size(); ++i) {
         const uint32_t n = counts_[i / channels];
-        result[i] = n > 0 ? static_cast<float>(sums[i] / n) : 0.0F;
+        if (n == 0) continue;
+        result[i] = static_cast<float>(sums[i] / n);
+        if (splat_scale > 0.0) result[i] = static_cast<float>(sums[i] / n + splats.sum(i) * splat_scale);
     }
     return result;
 }
@@ -109,8 +155,18 @@ std::vector<float> Film::variance() const {
         if (n < 2.0) continue;
         const double average = beauty_[i] / n;
         result[i] = static_cast<float>(std::max(squares_[i] / n - average * average, 0.0) / (n - 1.0));
+        if (!splat_counts_.empty()) result[i] += static_cast<float>(splat_variance(i));
     }
     return result;
+}
+
+// Of the mean over light paths, most of which give the pixel nothing: (E[x^2] - E[x]^2) / (number of paths).
+double Film::splat_variance(size_t i) const {
+    if (light_paths() < 2.0) return 0.0;
+    const auto per_sample = static_cast<double>(light_paths_per_sample(image_width_, image_height_, crop_));
+    const double average = splats_.sum(i) / light_paths();
+    const double square = splat_squares_.sum(i) * per_sample * per_sample / light_paths();
+    return std::max(square - average * average, 0.0) / (light_paths() - 1.0);
 }
 
 std::vector<float> Film::spp() const {
@@ -139,11 +195,15 @@ uint32_t Film::min_spp() const {
 }
 
 uint64_t Film::nonfinite_samples() const {
-    return std::accumulate(nonfinite_.begin(), nonfinite_.end(), uint64_t{0});
+    const uint64_t splats = splat_counts_.empty() ? 0 : splat_counts_[nonfinite_splat_count];
+    return std::accumulate(nonfinite_.begin(), nonfinite_.end(), splats);
 }
 
 Film::State Film::state() {
-    return {{&beauty_, &squares_, &albedo_, &normal_, &depth_, &caustic_}, &counts_, &nonfinite_};
+    return {{&beauty_, &squares_, &albedo_, &normal_, &depth_, &caustic_},
+            &counts_,
+            &nonfinite_,
+            {&splats_.digits(), &caustic_splats_.digits(), &splat_squares_.digits(), &splat_counts_}};
 }
 
 }  // namespace nephroid

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/aligned_array.h"
+#include "core/exact_sums.h"
 #include "core/vec.h"
 
 namespace nephroid {
@@ -37,12 +38,22 @@ inline constexpr int tile_size = 16;
 inline constexpr uint32_t max_samples_per_block = 4;
 inline constexpr size_t max_slots_per_block = size_t{tile_size} * tile_size * max_samples_per_block;
 
+/// Light that a light path of a block sends to some pixel, anywhere in the image: 1 / (density of the light path),
+/// times what the pixel's mean radiance gets from it. Divided by the number of light paths when the picture is made.
+struct Splat {
+    int x, y;       ///< Pixel of the image.
+    uint32_t slot;  ///< Of the light path: one per sample of the block.
+    bool caustic;   ///< It arrived as a caustic.
+    Rgb value;
+};
+
 /// What a block of samples returned: one slot per sample, in an order that the block defines.
 struct SampleBuffer {
     SampleBuffer();
     AlignedArray<float> radiance[3];
     AlignedArray<float> caustic[3];                   ///< Part of radiance that arrived as a caustic.
     AlignedArray<float> albedo[3], normal[3], depth;  ///< Of the first hit; zero where nothing was hit.
+    std::vector<Splat> splats;  ///< Of integrators that trace light paths; keeps its capacity from block to block.
 };
 
 /// Samples [first_sample, first_sample + sample_count) of every pixel of one tile. Slot s * pixel_count + p is sample
@@ -69,6 +80,9 @@ inline uint32_t samples_in_block(uint32_t first) {
     return first == 2 ? 2 : max_samples_per_block;
 }
 
+/// Light paths that come with one sample of every pixel: the pixels of all tiles that the crop touches.
+uint64_t light_paths_per_sample(int image_width, int image_height, const PixelRegion& crop);
+
 /// Accumulated image of the crop region. Sums are double: they must not lose samples after 1e7 of them.
 class Film {
   public:
@@ -79,17 +93,21 @@ class Film {
     const PixelRegion& crop() const { return crop_; }
     const AovSelection& aovs() const { return aovs_; }
 
+    /// Makes room for splats, which then count from the next block on: one light path per sample of a tile's pixels,
+    /// whether inside the crop or not. Films without splats take no memory and no time for them.
+    void expect_splats();
     /// Adds samples [skip, skip + take) of the block. Non-finite ones count as black and are counted. Different tiles
     /// may be added concurrently.
     void add(const SampleBlock& block, uint32_t skip, uint32_t take, const SampleBuffer& buffer);
 
     /// Mean of a layer: interleaved, crop.width() * crop.height() * channels values.
-    std::vector<float> beauty() const { return mean(beauty_, 3); }
+    std::vector<float> beauty() const { return mean(beauty_, 3, splats_); }
     std::vector<float> albedo() const { return mean(albedo_, 3); }
     std::vector<float> normal() const;
     std::vector<float> depth() const { return mean(depth_, 1); }
-    std::vector<float> caustic() const { return mean(caustic_, 3); }
-    /// Estimated variance of the pixel's mean. Samples of a pixel are stratified, so it is an upper estimate.
+    std::vector<float> caustic() const { return mean(caustic_, 3, caustic_splats_); }
+    /// Estimated variance of the pixel's mean. Samples of a pixel are stratified, so it is an upper estimate. Splats
+    /// add theirs, with every splat taken for a light path of its own: low where one path splats a pixel twice.
     std::vector<float> variance() const;
     std::vector<float> spp() const;
 
@@ -104,11 +122,16 @@ class Film {
         std::vector<std::vector<double>*> sums;
         std::vector<uint32_t>* counts;
         std::vector<uint32_t>* nonfinite;
+        std::vector<std::vector<uint64_t>*> exact;  ///< Of splats; empty arrays where none are expected.
     };
     State state();
 
   private:
-    std::vector<float> mean(const std::vector<double>& sums, size_t channels) const;
+    std::vector<float> mean(const std::vector<double>& sums, size_t channels, const ExactSums& splats = {}) const;
+    void add_splats(const SampleBlock& block, uint32_t skip, uint32_t take, const SampleBuffer& buffer);
+    double splat_variance(size_t i) const;
+    bool in_crop(int x, int y) const { return x >= crop_.x0 && x < crop_.x1 && y >= crop_.y0 && y < crop_.y1; }
+    double light_paths() const { return static_cast<double>(splat_counts_[light_path_count]); }
     size_t pixel_index(int x, int y) const {
         return static_cast<size_t>(y - crop_.y0) * static_cast<size_t>(crop_.width()) +
                static_cast<size_t>(x - crop_.x0);
@@ -121,6 +144,10 @@ class Film {
     std::vector<uint32_t> counts_;
     std::vector<uint32_t> nonfinite_;
     std::vector<double> beauty_, squares_, albedo_, normal_, depth_, caustic_;
+    ExactSums splats_, caustic_splats_;
+    ExactSums splat_squares_;  ///< Of splats divided by the light paths per sample: of the size of radiances.
+    enum SplatCount : size_t { light_path_count, nonfinite_splat_count, splat_count_kinds };
+    std::vector<uint64_t> splat_counts_;  ///< Empty: no splats are expected.
 };
 
 }  // namespace nephroid

@@ -169,29 +169,37 @@ LightSample LightSet::sample_punctual(const PunctualLight& light, Vec2 u, const 
     return sample;
 }
 
-LightSample LightSet::sample_triangle(const TriangleLight& light, Vec2 u, const Vec3& p) const {
-    LightSample sample;
-    const EmissiveTriangle t = triangle_of(scene_, light);
-    const Object& object = scene_.objects[light.object];
-    const Mesh& mesh = scene_.meshes[static_cast<size_t>(object.mesh)];
-    const Material& material = scene_.materials[static_cast<size_t>(mesh.material)];
+TrianglePoint sample_triangle_point(const Scene& scene, const TriangleLight& light, Vec2 u) {
+    const EmissiveTriangle t = triangle_of(scene, light);
+    const Mesh& mesh = scene.meshes[static_cast<size_t>(scene.objects[light.object].mesh)];
+    const Material& material = scene.materials[static_cast<size_t>(mesh.material)];
     const Vec2 b = square_to_triangle(u);
     const float b0 = 1.0F - b.x - b.y;
-    const Vec3 q = b0 * t.p0 + b.x * t.p1 + b.y * t.p2;
-    const Vec3 to_light = q - p;
-    const float distance2 = glm::dot(to_light, to_light);
     const float cross_length = glm::length(t.cross);
-    if (!(distance2 > 0.0F) || !(cross_length > 0.0F)) return sample;
-    sample.wi = to_light / std::sqrt(distance2);
-    const Vec3 n = t.cross / cross_length;
-    const float cosine = -glm::dot(n, sample.wi);
-    if (cosine == 0.0F || (cosine < 0.0F && !material.double_sided)) return sample;
-    const Vec3 error = rounding_bound(8) * (glm::abs(b0 * t.p0) + glm::abs(b.x * t.p1) + glm::abs(b.y * t.p2));
-    sample.target = offset_ray_origin(q, error, n, -sample.wi);
     Vec2 uv[2];
     interpolate_uv(mesh, mesh.triangles[light.triangle], b, uv);
-    sample.radiance = emitted_radiance(scene_, material, uv);
-    sample.pdf = distance2 / (std::abs(cosine) * 0.5F * cross_length);
+    TrianglePoint point;
+    point.position = b0 * t.p0 + b.x * t.p1 + b.y * t.p2;
+    point.error = rounding_bound(8) * (glm::abs(b0 * t.p0) + glm::abs(b.x * t.p1) + glm::abs(b.y * t.p2));
+    if (cross_length > 0.0F) point.normal = t.cross / cross_length;
+    point.area = 0.5F * cross_length;
+    point.radiance = emitted_radiance(scene, material, uv);
+    point.double_sided = material.double_sided;
+    return point;
+}
+
+LightSample LightSet::sample_triangle(const TriangleLight& light, Vec2 u, const Vec3& p) const {
+    LightSample sample;
+    const TrianglePoint point = sample_triangle_point(scene_, light, u);
+    const Vec3 to_light = point.position - p;
+    const float distance2 = glm::dot(to_light, to_light);
+    if (!(distance2 > 0.0F) || !(point.area > 0.0F)) return sample;
+    sample.wi = to_light / std::sqrt(distance2);
+    const float cosine = -glm::dot(point.normal, sample.wi);
+    if (cosine == 0.0F || (cosine < 0.0F && !point.double_sided)) return sample;
+    sample.target = offset_ray_origin(point.position, point.error, point.normal, -sample.wi);
+    sample.radiance = point.radiance;
+    sample.pdf = distance2 / (std::abs(cosine) * point.area);
     return sample;
 }
 

@@ -54,6 +54,20 @@ class LightSet {
     /// Selects a light with u_select and a point of it with u, as seen from p.
     LightSample sample(float u_select, Vec2 u, const Vec3& p) const;
 
+    /// A light drawn with u, which is remapped to [0, 1) for further use, and the probability of drawing it.
+    uint32_t select(float& u) const { return static_cast<uint32_t>(selection_.sample(u)); }
+    float probability(uint32_t light) const { return selection_.probability(light); }
+    /// Light `light` of the set, where it is no punctual light: an emissive triangle, or null for the environment.
+    const TriangleLight* triangle(uint32_t light) const {
+        const size_t i = light - scene_.lights.size();
+        return i < triangles_.size() ? &triangles_[i] : nullptr;
+    }
+    size_t triangle_count() const { return triangles_.size(); }
+    /// Index in the set of the emissive triangle of an object; none where the object does not emit.
+    uint32_t triangle_light(uint32_t object, uint32_t triangle) const {
+        return first_triangle_[object] == none ? none : first_triangle_[object] + triangle;
+    }
+
     /// Density of sample() for the emissive triangle of an object that a ray from p hit at `hit` with geometric
     /// normal n (unit) and area (m^2).
     float pdf_triangle(uint32_t object, uint32_t triangle, float area, const Vec3& p, const Vec3& hit,
@@ -78,6 +92,17 @@ class LightSet {
     AliasTable selection_;
     bool hittable_ = false;
 };
+
+/// A point of an emissive triangle.
+struct TrianglePoint {
+    Vec3 position{0.0F}, error{0.0F};  ///< With the bound of its rounding error.
+    Vec3 normal{0.0F};                 ///< Unit, on the front; zero for a degenerate triangle.
+    float area = 0.0F;                 ///< Of the triangle, m^2.
+    Rgb radiance{0.0F};                ///< That it emits.
+    bool double_sided = false;
+};
+/// Uniform over the triangle's area.
+TrianglePoint sample_triangle_point(const Scene& scene, const TriangleLight& light, Vec2 u);
 
 /// Radiance that a material emits at uv of both sets, W/(m^2 sr); the caller checks the side.
 Rgb emitted_radiance(const Scene& scene, const Material& material, const Vec2 uv[2]);

@@ -12,7 +12,7 @@ namespace nephroid {
 namespace {
 
 // Layout: magic, fingerprint, then each array as its length and its bytes, then a hash of all arrays.
-constexpr char magic[8] = {'N', 'E', 'P', 'H', 'C', 'P', '0', '1'};
+constexpr char magic[8] = {'N', 'E', 'P', 'H', 'C', 'P', '0', '2'};
 
 class Writer {
   public:
@@ -92,6 +92,7 @@ void save_checkpoint(const std::string& path, uint64_t fingerprint, Film& film, 
     for (const auto* sums : state.sums) writer.array(*sums);
     writer.array(*state.counts);
     writer.array(*state.nonfinite);
+    for (const auto* digits : state.exact) writer.array(*digits);
     if (!writer.finish()) {
         std::remove(temporary.c_str());
         throw Error(ExitCode::output_failed, path + ": checkpoint: cannot be written; check space and permissions");
@@ -116,6 +117,7 @@ CheckpointData load_checkpoint(const std::string& path, uint64_t fingerprint, Fi
     for (auto* sums : state.sums) reader.array(*sums);
     reader.array(*state.counts);
     reader.array(*state.nonfinite);
+    for (auto* digits : state.exact) reader.array(*digits);
     reader.finish();
     return data;
 }

@@ -224,6 +224,7 @@ class RenderLoop {
 RenderResult run_render(const Integrator& integrator, Film& film, const DriverSettings& settings, Progress& progress) {
     const tbb::global_control threads(tbb::global_control::max_allowed_parallelism,
                                       static_cast<size_t>(settings.threads));
+    if (integrator.makes_splats()) film.expect_splats();
     return RenderLoop(integrator, film, settings, progress).run();
 }
 

@@ -53,6 +53,8 @@ class Integrator {
     virtual ~Integrator() = default;
     virtual std::string name() const = 0;
     virtual std::unique_ptr<IntegratorWorker> make_worker() const = 0;
+    /// Whether blocks come with splats: one light path per sample of a block.
+    virtual bool makes_splats() const { return false; }
     virtual std::optional<IntegratorStatistics> statistics() const { return std::nullopt; }
 };
 

@@ -109,7 +109,7 @@ class CommandLine(unittest.TestCase):
             (["--crop", "1,2,3", "-i", "path", scene], "--crop"),
             (["--crop", "50,0,40,10", "-i", "path", "--size", "64x48", scene], "--crop"),
             (["-i", "nonsense", scene], "nonsense"),
-            (["-i", "bdpt", scene], "not in this version"),
+            (["-i", "ppg", scene], "not in this version"),
             (["--aov", "beauty", scene], "beauty"),
             (["--time", "-3", scene], "--time"),
             (["--resume", "-i", "path", scene], "--checkpoint"),
@@ -185,6 +185,19 @@ class CommandLine(unittest.TestCase):
         for spp in [3, 10, 21]:
             self.render("--spp", spp, "--checkpoint", checkpoint, "--resume", output="parts.exr")
         self.assertEqual(self.picture("whole.exr"), self.picture("parts.exr"))
+
+    def test_splats_have_the_same_bits_for_any_threads_and_after_resuming(self):
+        scene = SCENES / "ring.glb"
+        common = ["-i", "bdpt", "--set", "emission=casters", "--size", "80x60", "--crop", "11,7,69,51", "--aov",
+                  "caustic,variance", "-q", scene]
+        checkpoint = self.path / "state"
+        for name, spps, more in [("one.exr", [21], ["--threads", 1]), ("two.exr", [21], ["--threads", 2]),
+                                 ("parts.exr", [3, 10, 21], ["--checkpoint", checkpoint, "--resume"])]:
+            for spp in spps:
+                result = run("-o", self.path / name, "--spp", spp, *more, *common)
+                self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(self.picture("one.exr"), self.picture("two.exr"))
+        self.assertEqual(self.picture("one.exr"), self.picture("parts.exr"))
 
     def test_resume_refuses_another_render(self):
         checkpoint = self.path / "state"

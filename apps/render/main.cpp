@@ -18,6 +18,7 @@
 #include "core/image_io.h"
 #include "core/image_write.h"
 #include "core/scene_fingerprint.h"
+#include "integrators/bdpt/bdpt_integrator.h"
 #include "integrators/driver.h"
 #include "integrators/guided/guided_integrator.h"
 #include "integrators/path/path_integrator.h"
@@ -174,6 +175,10 @@ std::unique_ptr<Integrator> make_integrator(const std::string& name, const Param
                                             const GuidedView& view, std::optional<double> seconds_left) {
     if (name == "guided") {
         return std::make_unique<GuidedIntegrator>(context, casters, view, guided_settings(parameters, seconds_left));
+    }
+    if (name == "bdpt") {
+        return std::make_unique<BdptIntegrator>(context, casters, BdptView{view.width, view.height, view.crop},
+                                                BdptSettings{parameters.at("emission") == "casters"});
     }
     return std::make_unique<PathIntegrator>(context);
 }

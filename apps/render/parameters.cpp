@@ -130,6 +130,15 @@ std::vector<ParameterDescription> guided_parameters() {
 const std::map<std::string, std::vector<ParameterDescription>>& table() {
     static const std::map<std::string, std::vector<ParameterDescription>> parameters = {
         {"path", {sampler_parameter()}},
+        {"bdpt",
+         {{"emission",
+           "power|casters",
+           "power",
+           "where small lights send their light paths: everywhere, or mostly to casters (less noise in caustics of "
+           "casters that look small from the light, more elsewhere)",
+           {"power", "casters"},
+           {}},
+          sampler_parameter()}},
         {"guided", guided_parameters()},
     };
     return parameters;
@@ -187,7 +196,7 @@ bool is_integrator(const std::string& name) {
 }
 
 bool is_planned_integrator(const std::string& name) {
-    static const std::vector<std::string> planned = {"bdpt", "ppg", "sms", "snee"};
+    static const std::vector<std::string> planned = {"ppg", "sms", "snee"};
     return std::find(planned.begin(), planned.end(), name) != planned.end();
 }
 

@@ -1,0 +1,200 @@
+#include "integrators/bdpt/light_subpaths.h"
+
+#include <algorithm>
+
+namespace nephroid {
+
+namespace {
+
+// Dimension pairs of a light sub-path: emission, then two per scattering.
+enum LightDimension : uint32_t { light_choice, emission_position, emission_direction, first_scattering };
+
+/// Light sub-paths draw from their own sequences. All slots of a tile share one, since each light path serves the whole
+/// picture: the paths of a tile are stratified together. (A sequence per pixel instead made no
+/// difference beyond that of seeds.)
+constexpr uint32_t light_seed_salt = 0x2c1b3c6dU;
+
+}  // namespace
+
+LightSubpaths::LightSubpaths(const BdptContext& context)
+    : context_(context),
+      tracer_(context.render),
+      emissions_(max_slots_per_block),
+      emitted_(max_slots_per_block),
+      shadows_(max_slots_per_block),
+      film_x_(max_slots_per_block),
+      film_y_(max_slots_per_block) {}
+
+void LightSubpaths::trace(const SampleBlock& block, SampleBuffer& samples) {
+    stored_.vertices.clear();
+    std::fill_n(stored_.last.data(), block.slot_count(), no_vertex);
+    const uint32_t max_depth = context_.render.max_depth;
+    if (max_depth == 0 || context_.render.lights.empty()) return;
+    start(block);
+    for (uint32_t bounce = 0; tracer_.paths.rays.count > 0; ++bounce) {
+        tracer_.trace(false);
+        find_vertices(bounce);
+        if (tracer_.vertices.count == 0) break;
+        connect_to_camera();
+        add_splats(samples);
+        if (bounce + 1 == max_depth) break;
+        store_vertices(bounce);
+        const uint32_t dimension = first_scattering + 2 * bounce;
+        tracer_.scatter<Transport::importance>(bounce, dimension, dimension + 1, emitted_);
+    }
+}
+
+void LightSubpaths::start(const SampleBlock& block) {
+    const size_t slots = block.slot_count();
+    const uint32_t tile_seed = hash_combine(
+        pixel_seed(static_cast<uint32_t>(block.tile_x), static_cast<uint32_t>(block.tile_y), context_.render.seed),
+        light_seed_salt);
+    for (uint32_t s = 0; s < block.sample_count; ++s) {
+        for (uint32_t p = 0; p < block.pixel_count; ++p) {
+            const size_t slot = size_t{s} * block.pixel_count + p;
+            const uint32_t pixel = block.pixel_y[p] * uint32_t{tile_size} + block.pixel_x[p];
+            tracer_.seeds[slot] = tile_seed;
+            tracer_.indices[slot] = (block.first_sample + s) * uint32_t{tile_size * tile_size} + pixel;
+        }
+    }
+    tracer_.paths.rays.count = 0;
+    const SamplerKind sampler = context_.render.sampler;
+    alignas(simd_alignment) float u[5][simd_width];
+    for (size_t first = 0; first < slots; first += simd_width) {
+        const UintV seed(&tracer_.seeds[first], stdx::vector_aligned);
+        const UintV index(&tracer_.indices[first], stdx::vector_aligned);
+        const auto [position_x, position_y] = sample_2d(sampler, seed, index, emission_position);
+        const auto [direction_x, direction_y] = sample_2d(sampler, seed, index, emission_direction);
+        sample_1d(sampler, seed, index, light_choice).copy_to(u[0], stdx::vector_aligned);
+        position_x.copy_to(u[1], stdx::vector_aligned);
+        position_y.copy_to(u[2], stdx::vector_aligned);
+        direction_x.copy_to(u[3], stdx::vector_aligned);
+        direction_y.copy_to(u[4], stdx::vector_aligned);
+        for (size_t slot = first; slot < std::min(first + simd_width, slots); ++slot) {
+            const size_t lane = slot - first;
+            add_path(slot, context_.emission.sample(u[0][lane], {u[1][lane], u[2][lane]}, {u[3][lane], u[4][lane]}));
+        }
+    }
+}
+
+void LightSubpaths::add_path(size_t slot, const EmissionSample& emission) {
+    emissions_[slot] = emission;
+    emitted_[slot] = max_component(emission.weight);
+    if (!(emitted_[slot] > 0.0F)) return;
+    PathWave& paths = tracer_.paths;
+    const size_t i = paths.rays.count;
+    paths.rays.push(emission.origin, emission.direction);
+    paths.throughput.set(i, emission.weight);
+    paths.slot[i] = static_cast<uint32_t>(slot);
+    paths.flags[i] = emission.light < context_.render.scene.lights.size() ? from_small_light : 0U;
+}
+
+void LightSubpaths::find_vertices(uint32_t bounce) {
+    const Surfaces& surfaces = context_.render.surfaces;
+    tracer_.find_plain_vertices(false);
+    for (const uint32_t i : tracer_.special) {
+        const uint32_t object = tracer_.hits.object[i];
+        if (object >= surfaces.object_count()) continue;  // A sphere light reflects nothing.
+        tracer_.push_vertex(i, surfaces.interact(object, tracer_.hits.primitive[i], tracer_.hits.u[i],
+                                                 tracer_.hits.v[i], -tracer_.paths.rays.direction(i)));
+    }
+    if (bounce == 0) {
+        start_sums();
+    } else {
+        tracer_.carry_sums();
+    }
+    if (context_.render.aovs.caustic) set_flags(bounce);
+}
+
+void LightSubpaths::start_sums() {
+    const VertexWave& vertices = tracer_.vertices;
+    for (size_t k = 0; k < vertices.count; ++k) {
+        const EmissionSample& emission = emissions_[vertices.slot[k]];
+        const Vec3 position = vertices.position.get(k);
+        const Vec3 wo = vertices.wo.get(k);
+        const float distance = tracer_.hits.t[vertices.path[k]];
+        const float direct_pdf = context_.emission.direct_density(emission, position, distance);
+        const float ray_density =
+            context_.emission.ray_density(emission.light, direct_pdf, position, emission.direction, distance);
+        const float cosine = glm::dot(vertices.geometric_normal.get(k), wo);
+        tracer_.sums.set(k, mis_light_start(direct_pdf, ray_density, cosine, emission.delta));
+    }
+}
+
+void LightSubpaths::set_flags(uint32_t bounce) {
+    VertexWave& vertices = tracer_.vertices;
+    for (size_t k = 0; k < vertices.count; ++k) {
+        const size_t path = vertices.path[k];
+        const uint32_t before = tracer_.paths.flags[path];
+        const bool caster = context_.render.surfaces.is_caster(tracer_.hits.object[path]);
+        if (bounce == 0) {
+            vertices.flags[k] = before == from_small_light && caster ? by_casters_only : 0U;
+        } else {
+            vertices.flags[k] = before == by_casters_only && !caster ? is_caustic : before;
+        }
+    }
+}
+
+void LightSubpaths::store_vertices(uint32_t bounce) {
+    const VertexWave& v = tracer_.vertices;
+    for (size_t k = 0; k < v.count; ++k) {
+        if (v.metallic[k] >= 1.0F && v.alpha[k] < delta_alpha) continue;  // Nothing can be connected to a mirror.
+        uint32_t& last = stored_.last[v.slot[k]];
+        const MisSums<float> sums = tracer_.sums.get(k);
+        stored_.vertices.push_back({v.position.get(k), v.error.get(k), v.geometric_normal.get(k),
+                                    v.shading_normal.get(k), v.wo.get(k), v.throughput.get(k), v.base.get(k),
+                                    v.coat_f0.get(k), v.coat_f90[k], v.metallic[k], v.alpha[k], sums.connect,
+                                    sums.chain, last, bounce + 1, v.flags[k]});
+        last = static_cast<uint32_t>(stored_.vertices.size() - 1);
+    }
+}
+
+// Strategy t = 1: rays from the vertices to the camera, with the radiance of the pixel that they bring.
+NEPHROID_FLATTEN void LightSubpaths::connect_to_camera() {
+    const VertexWave& vertices = tracer_.vertices;
+    const PixelRegion& crop = context_.crop;
+    const FloatV zero(0.0F);
+    RayBatch& rays = shadows_.rays;
+    rays.count = 0;
+    for (size_t k = 0; k < vertices.count; k += simd_width) {
+        const Triple<FloatV> position = vertices.position.load(k);
+        const CameraView<FloatV> view = context_.projection.view(position);
+        const Triple<FloatV> normal = vertices.geometric_normal.load(k);
+        const FloatV cosine = dot(normal, view.wi);
+        auto seen = first_lanes(vertices.count - k) && (view.depth > zero) && (cosine > zero) &&
+                    (view.x >= FloatV(static_cast<float>(crop.x0))) && (view.x < FloatV(static_cast<float>(crop.x1))) &&
+                    (view.y >= FloatV(static_cast<float>(crop.y0))) && (view.y < FloatV(static_cast<float>(crop.y1)));
+        if (stdx::none_of(seen)) continue;
+        const Frame<FloatV> frame = make_frame(vertices.shading_normal.load(k));
+        const Triple<FloatV> back = vertices.wo.load(k);
+        // Seen from the camera, light comes from `back`: f |back.Ns| |wi.Ng| / |back.Ng|, the adjoint BSDF.
+        const BsdfEvaluation<FloatV> bsdf =
+            evaluate_bsdf(vertices.bsdf(k), frame.to_local(view.wi), frame.to_local(back));
+        const FloatV density = view.pixel_density * cosine;
+        const FloatV weight = mis_weight_camera(tracer_.sums.load(k), density, context_.light_paths, bsdf.pdf) *
+                              density / maximum(dot(normal, back), FloatV(mis_floor));
+        const Triple<FloatV> contribution = vertices.throughput.load(k) * bsdf.value * weight;
+        // "Not zero" rather than "positive": a non-finite contribution must arrive where it is counted.
+        seen = seen && !(contribution.x == zero && contribution.y == zero && contribution.z == zero);
+        const Triple<FloatV> origin = offset_ray_origin(position, vertices.error.load(k), normal, view.wi);
+        append_rays(rays, origin, view.target - origin, FloatV(segment_end), seen);
+        shadows_.contribution.append(rays.count, contribution, seen);
+        compress_store(&film_x_[rays.count], view.x, seen);
+        compress_store(&film_y_[rays.count], view.y, seen);
+        compress_store(&shadows_.slot[rays.count], UintV(&vertices.slot[k], stdx::vector_aligned), seen);
+        compress_store(&shadows_.caustic[rays.count], UintV(&vertices.flags[k], stdx::vector_aligned), seen);
+        rays.count += count_of(seen);
+    }
+}
+
+void LightSubpaths::add_splats(SampleBuffer& samples) {
+    shadow_ray_count_ += shadows_.rays.count;
+    context_.render.accelerator.occluded(shadows_.rays, false, shadows_.occluded);
+    for (size_t i = 0; i < shadows_.rays.count; ++i) {
+        if (shadows_.occluded[i] != 0) continue;
+        samples.splats.push_back({static_cast<int>(film_x_[i]), static_cast<int>(film_y_[i]), shadows_.slot[i],
+                                  shadows_.caustic[i] == is_caustic, shadows_.contribution.get(i)});
+    }
+}
+
+}  // namespace nephroid
