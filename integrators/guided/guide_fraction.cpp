@@ -21,6 +21,9 @@ using Moments = std::array<double, candidates.size()>;
 
 constexpr uint32_t path_count = 64;
 constexpr size_t shared_points = 16;
+constexpr size_t averaged_points = 256;  ///< For what photons tell.
+/// Above so many times the BSDF's density, trial paths find the light well enough.
+constexpr float most_covered = 32.0F;
 constexpr uint32_t trial_seed = 0x6c8e9cf5U;
 
 /// Tries fractions at one cached point after the other.
@@ -90,17 +93,32 @@ class FractionTrial {
     uint32_t seed_;
 };
 
-/// Adds the moments of light that the guide leaves to the BSDF: a few trial paths would not see it.
-void add_uncovered(const SlopeCache& cache, const std::vector<CausticPhoton>& photons,
-                   const std::vector<PhotonCoverage>& coverage, std::vector<Moments>& moments) {
+/// Moments of the light that the guide leaves to the BSDF, which a few trial paths would not see: the mean over the
+/// cached points around, for few photons tell of it either. Points lie along a Morton curve, but for the last ones,
+/// which were added.
+std::vector<Moments> uncovered_moments(const SlopeCache& cache, const std::vector<CausticPhoton>& photons,
+                                       const std::vector<PhotonCoverage>& coverage) {
+    const size_t count = cache.points.size();
+    std::vector<Moments> up_to(count + 1);
     for (size_t i = 0; i < photons.size(); ++i) {
         const PhotonCoverage& at = coverage[i];
-        if (!(at.bsdf_pdf > at.guide_pdf)) continue;
+        if (!(most_covered * at.bsdf_pdf > at.guide_pdf)) continue;
         const double flux = double{photons[i].power} / double{cached_area(cache.points[at.nearest])};
         for (size_t k = 0; k < candidates.size(); ++k) {
-            moments[at.nearest][k] += path_count * flux * double{at.sample_value(photons[i], candidates[k])};
+            up_to[at.nearest + 1][k] += path_count * flux * double{at.sample_value(photons[i], candidates[k])};
         }
     }
+    for (size_t i = 0; i < count; ++i) {
+        for (size_t k = 0; k < candidates.size(); ++k) up_to[i + 1][k] += up_to[i][k];
+    }
+    std::vector<Moments> means(count);
+    for (size_t i = 0; i < count; ++i) {
+        const size_t first = i - std::min(i, averaged_points / 2), end = std::min(count, i + averaged_points / 2 + 1);
+        for (size_t k = 0; k < candidates.size(); ++k) {
+            means[i][k] = (up_to[end][k] - up_to[first][k]) / static_cast<double>(end - first);
+        }
+    }
+    return means;
 }
 
 }  // namespace
@@ -116,7 +134,7 @@ std::vector<float> guide_fractions(const RenderContext& context, std::span<const
         if (!trial) trial = std::make_unique<FractionTrial>(context, cache, options);
         moments[i] = trial->moments(receivers[i], static_cast<uint32_t>(i));
     });
-    add_uncovered(cache, photons, coverage, moments);
+    const std::vector<Moments> uncovered = uncovered_moments(cache, photons, coverage);
     std::vector<float> fractions(receivers.size());
     for (size_t i = 0; i < receivers.size(); ++i) {
         std::array<FoundPoint, shared_points> found;
@@ -125,6 +143,7 @@ std::vector<float> guide_fractions(const RenderContext& context, std::span<const
         for (const FoundPoint& near : std::span(found).first(count)) {
             for (size_t k = 0; k < sums.size(); ++k) sums[k] += moments[near.index][k];
         }
+        for (size_t k = 0; k < sums.size(); ++k) sums[k] += static_cast<double>(count + 1) * uncovered[i][k];
         fractions[i] = candidates[static_cast<size_t>(std::min_element(sums.begin(), sums.end()) - sums.begin())];
     }
     return fractions;
