@@ -25,11 +25,13 @@ constexpr uint32_t pilot_points = 64;
 /// Measured on a 2.6 GHz core, with all else that a search does for each solve.
 constexpr double seconds_per_solve = 6e-6;
 
-/// With a time limit, paths are searched for so many interleaved sets of points, one after the other.
-constexpr size_t rounds_under_time_limit = 8;
+/// With a time limit, paths are searched for every so many points first, then for those half-way between, and so on.
+constexpr size_t first_stride = 32;
 
-/// Of the time for the search: for paths of one reflection, if longer ones are wanted too.
-constexpr double single_reflection_share = 0.6;
+/// Of the time until search_end: the rest is for lobes and photons.
+constexpr double search_part_of_time = 0.75;
+/// The same for paths of one reflection, if longer ones are to be searched too.
+constexpr double single_reflection_part = 0.5;
 
 /// The surface seen from its other side: the normal turned around.
 PrincipalCurvatures turned_around(const PrincipalCurvatures& surface) {
@@ -97,10 +99,10 @@ RepresentativePaths join(std::span<const PathPart> parts, size_t receiver_count)
     return all;
 }
 
-/// Every `rounds`-th receiver: as neighbours follow each other, those of a round lie all over the picture.
-std::vector<uint32_t> receivers_of_round(size_t receivers, size_t round, size_t rounds) {
+/// Every `stride`-th receiver: as neighbours follow each other, these lie all over the picture.
+std::vector<uint32_t> every_nth(size_t receivers, size_t first, size_t stride) {
     std::vector<uint32_t> indices;
-    for (size_t i = round; i < receivers; i += rounds) indices.push_back(static_cast<uint32_t>(i));
+    for (size_t i = first; i < receivers; i += stride) indices.push_back(static_cast<uint32_t>(i));
     return indices;
 }
 
@@ -120,16 +122,21 @@ void keep_receivers(std::vector<uint32_t>& kept, std::vector<PathPart>& parts, s
     }
 }
 
-/// Paths of one reflection, in rounds if time is short; receivers of the rounds that time has run out for are dropped.
+/// Paths of one reflection, in rounds if time is short, each as dense as all before together; receivers of the rounds
+/// that time has run out for are dropped.
 std::vector<PathPart> search_single_reflections(const SearchOptions& options, GuidedPaths& found) {
-    const size_t rounds = options.should_stop ? rounds_under_time_limit : 1;
     std::vector<PathPart> parts;
     std::vector<uint32_t> kept;
-    for (size_t round = 0; round < rounds; ++round) {
-        PathPart part = search_part(found, receivers_of_round(found.receivers.size(), round, rounds), options);
+    size_t first = 0, stride = options.should_stop ? first_stride : 1;
+    for (;;) {
+        PathPart part = search_part(found, every_nth(found.receivers.size(), first, stride), options);
         if (!part.is_complete()) break;
         kept.insert(kept.end(), part.receivers.begin(), part.receivers.end());
         parts.push_back(std::move(part));
+        // Those half-way between all before.
+        if (first > 0) stride /= 2;
+        first = stride / 2;
+        if (first == 0) break;
     }
     if (kept.size() < found.receivers.size()) keep_receivers(kept, parts, found.receivers);
     return parts;
@@ -182,13 +189,13 @@ void search_paths(const RenderContext& context, const GuidedSettings& settings, 
         return [end] { return interrupt_requested || std::chrono::steady_clock::now() >= end; };
     };
     options.bounces = 1;
-    options.should_stop = stop_at(longest > 1 ? single_reflection_share : 1.0);
+    options.should_stop = stop_at(longest > 1 ? single_reflection_part : search_part_of_time);
     std::vector<PathPart> parts = search_single_reflections(options, found);
     if (longest > 1) {
         options.shortest = 2;
         options.bounces = longest;
-        options.should_stop = stop_at(1.0);
-        parts.push_back(search_part(found, receivers_of_round(found.receivers.size(), 0, 1), options));
+        options.should_stop = stop_at(search_part_of_time);
+        parts.push_back(search_part(found, every_nth(found.receivers.size(), 0, 1), options));
     }
     found.paths = join(parts, found.receivers.size());
     statistics.seconds_search = stopwatch.lap();
@@ -204,7 +211,7 @@ void add_receivers(const RenderContext& context, const GuidedSettings& settings,
     options.bounces = 1;
     const size_t before = found.receivers.size();
     std::vector<PathPart> parts;
-    parts.push_back({receivers_of_round(before, 0, 1), std::move(found.paths)});
+    parts.push_back({every_nth(before, 0, 1), std::move(found.paths)});
     found.receivers.insert(found.receivers.end(), more.begin(), more.end());
     std::vector<uint32_t> added(more.size());
     std::iota(added.begin(), added.end(), static_cast<uint32_t>(before));
