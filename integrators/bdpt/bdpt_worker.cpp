@@ -50,7 +50,8 @@ uint64_t BdptWorker::rays() const {
 }
 
 void BdptWorker::render(const SampleBlock& block, SampleBuffer& samples) {
-    clear(samples, block.slot_count());
+    clear_samples(samples, render_.aovs, block.slot_count());
+    samples.splats.clear();
     light_.trace(block, samples);
     start_camera_paths(block);
     const LightSet& lights = render_.lights;
@@ -70,21 +71,6 @@ void BdptWorker::render(const SampleBlock& block, SampleBuffer& samples) {
         tracer_.scatter<Transport::radiance>(bounce, dimension_of(bounce, lobe_and_roulette),
                                              dimension_of(bounce, direction), ones_);
     }
-}
-
-void BdptWorker::clear(SampleBuffer& samples, size_t slots) const {
-    const AovSelection& aovs = render_.aovs;
-    const auto clear_layer = [slots](AlignedArray<float>(&layer)[3]) {
-        for (auto& channel : layer) std::fill_n(channel.data(), slots, 0.0F);
-    };
-    clear_layer(samples.radiance);
-    if (aovs.caustic) clear_layer(samples.caustic);
-    if (aovs.albedo || aovs.normal || aovs.depth) {
-        clear_layer(samples.albedo);
-        clear_layer(samples.normal);
-        std::fill_n(samples.depth.data(), slots, 0.0F);
-    }
-    samples.splats.clear();
 }
 
 // Camera rays, with the film position jittered over the pixel (box filter).

@@ -13,7 +13,6 @@ class BdptWorker final : public IntegratorWorker {
     uint64_t rays() const override;
 
   private:
-    void clear(SampleBuffer& samples, size_t slots) const;
     void start_camera_paths(const SampleBlock& block);
     void find_vertices(uint32_t bounce, SampleBuffer& samples);
     void start_sums();

@@ -2,18 +2,6 @@
 
 namespace nephroid {
 
-void add_unoccluded(const AovSelection& aovs, const ShadowWave& shadows, SampleBuffer& samples) {
-    for (size_t i = 0; i < shadows.rays.count; ++i) {
-        if (shadows.occluded[i] != 0) continue;
-        const size_t slot = shadows.slot[i];
-        const Rgb contribution = shadows.contribution.get(i);
-        for (int c = 0; c < 3; ++c) {
-            samples.radiance[c][slot] += contribution[c];
-            if (aovs.caustic && shadows.caustic[i] != 0) samples.caustic[c][slot] += contribution[c];
-        }
-    }
-}
-
 SubpathTracer::SubpathTracer(const RenderContext& context)
     : seeds(max_slots_per_block),
       indices(max_slots_per_block),

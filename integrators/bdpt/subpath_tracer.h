@@ -3,7 +3,6 @@
 
 #include <vector>
 
-#include "core/rounding.h"
 #include "integrators/bdpt/bdpt_waves.h"
 
 namespace nephroid {
@@ -11,24 +10,6 @@ namespace nephroid {
 /// Russian roulette as in the path tracer: from the fifth scattering on, by throughput.
 inline constexpr uint32_t bdpt_roulette_start = 4;
 inline constexpr float bdpt_least_survival = 0.05F;
-
-/// Shadow rays end this far (relative) before their target: two roundings of the segment's length.
-inline constexpr float segment_end = 1.0F - 4.0F * rounding_bound(1);
-
-/// Writes the lanes of `kept` behind the batch's rays, without counting them yet.
-inline void append_rays(RayBatch& rays, const Triple<FloatV>& origin, const Triple<FloatV>& direction,
-                        const FloatV& t_max, const FloatV::mask_type& kept) {
-    compress_store(&rays.origin_x[rays.count], origin.x, kept);
-    compress_store(&rays.origin_y[rays.count], origin.y, kept);
-    compress_store(&rays.origin_z[rays.count], origin.z, kept);
-    compress_store(&rays.direction_x[rays.count], direction.x, kept);
-    compress_store(&rays.direction_y[rays.count], direction.y, kept);
-    compress_store(&rays.direction_z[rays.count], direction.z, kept);
-    compress_store(&rays.t_max[rays.count], t_max, kept);
-}
-
-/// Adds the contributions of the shadow rays that arrive (ShadowWave::occluded) to their samples.
-void add_unoccluded(const AovSelection& aovs, const ShadowWave& shadows, SampleBuffer& samples);
 
 /// Which way light runs along the sub-path.
 enum class Transport : uint8_t { radiance, importance };

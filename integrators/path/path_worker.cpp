@@ -30,23 +30,8 @@ constexpr float spent_throughput = 0.05F;
 /// Tells the random numbers of FilmGuide's choice from all others.
 constexpr uint32_t highlight_choice = 0x5bd1e995U;
 
-/// Shadow rays end this far (relative) before their target: two roundings of the segment's length.
-constexpr float segment_end = 1.0F - 4.0F * rounding_bound(1);
-
 FloatV load(const AlignedArray<float>& values, size_t i) {
     return FloatV(&values[i], stdx::vector_aligned);
-}
-
-/// Writes the lanes of `kept` behind the batch's rays, without counting them yet.
-void append_rays(RayBatch& rays, const Triple<FloatV>& origin, const Triple<FloatV>& direction, const FloatV& t_max,
-                 const FloatV::mask_type& kept) {
-    compress_store(&rays.origin_x[rays.count], origin.x, kept);
-    compress_store(&rays.origin_y[rays.count], origin.y, kept);
-    compress_store(&rays.origin_z[rays.count], origin.z, kept);
-    compress_store(&rays.direction_x[rays.count], direction.x, kept);
-    compress_store(&rays.direction_y[rays.count], direction.y, kept);
-    compress_store(&rays.direction_z[rays.count], direction.z, kept);
-    compress_store(&rays.t_max[rays.count], t_max, kept);
 }
 
 /// Density of directions that the guide chooses with its fraction and the BSDF otherwise.
@@ -80,7 +65,7 @@ PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* gui
 }
 
 void PathWorker::render(const SampleBlock& block, SampleBuffer& samples) {
-    clear(samples, block.slot_count());
+    clear_samples(samples, context_.aovs, block.slot_count());
     start_paths(block);
     if (film_guide_ != nullptr) guide_film_positions(block);
     trace_paths(samples);
@@ -102,7 +87,9 @@ void PathWorker::trace_paths(SampleBuffer& samples) {
             if (guided) choose_directions(bounce);
             weigh_lights(guided);
             push_shadow_rays();
-            add_unoccluded(bounce, samples);
+            rays_ += shadows_.rays.count;
+            context_.accelerator.occluded(shadows_.rays, bounce == 0, shadows_.occluded);
+            add_unoccluded(context_.aovs, shadows_, samples);
         }
         // The last scattering matters only where a light can be hit.
         if (bounce + 1 == context_.max_depth && !context_.lights.has_hittable()) break;
@@ -116,7 +103,7 @@ void PathWorker::trace_paths(SampleBuffer& samples) {
 
 void PathWorker::incident_radiance(const RayBatch& rays, std::span<const uint32_t> seeds, uint32_t first_index,
                                    SampleBuffer& samples) {
-    clear(samples, rays.count);
+    clear_samples(samples, context_.aovs, rays.count);
     paths_.rays.count = 0;
     for (size_t i = 0; i < rays.count; ++i) {
         paths_.rays.push(rays.origin(i), rays.direction(i));
@@ -128,20 +115,6 @@ void PathWorker::incident_radiance(const RayBatch& rays, std::span<const uint32_
         indices_[i] = first_index;
     }
     trace_paths(samples);
-}
-
-void PathWorker::clear(SampleBuffer& samples, size_t slots) const {
-    const AovSelection& aovs = context_.aovs;
-    const auto clear_layer = [slots](AlignedArray<float>(&layer)[3]) {
-        for (auto& channel : layer) std::fill_n(channel.data(), slots, 0.0F);
-    };
-    clear_layer(samples.radiance);
-    if (aovs.caustic) clear_layer(samples.caustic);
-    if (aovs.albedo || aovs.normal || aovs.depth) {
-        clear_layer(samples.albedo);
-        clear_layer(samples.normal);
-        std::fill_n(samples.depth.data(), slots, 0.0F);
-    }
 }
 
 // Camera rays, with the film position jittered over the pixel (box filter).
@@ -506,20 +479,6 @@ NEPHROID_FLATTEN void PathWorker::push_shadow_rays() {
         compress_store(&shadows_.slot[rays.count], UintV(&vertices_.slot[k], stdx::vector_aligned), lit);
         compress_store(&shadows_.caustic[rays.count], UintV(&lights_.caustic[k], stdx::vector_aligned), lit);
         rays.count += count_of(lit);
-    }
-}
-
-void PathWorker::add_unoccluded(uint32_t bounce, SampleBuffer& samples) {
-    rays_ += shadows_.rays.count;
-    context_.accelerator.occluded(shadows_.rays, bounce == 0, shadows_.occluded);
-    for (size_t s = 0; s < shadows_.rays.count; ++s) {
-        if (shadows_.occluded[s] != 0) continue;
-        const size_t slot = shadows_.slot[s];
-        const Rgb contribution = shadows_.contribution.get(s);
-        for (int c = 0; c < 3; ++c) {
-            samples.radiance[c][slot] += contribution[c];
-            if (context_.aovs.caustic && shadows_.caustic[s] != 0) samples.caustic[c][slot] += contribution[c];
-        }
     }
 }
 

@@ -25,7 +25,6 @@ class PathWorker final : public IntegratorWorker {
     uint64_t rays() const override { return rays_; }
 
   private:
-    void clear(SampleBuffer& samples, size_t slots) const;
     void start_paths(const SampleBlock& block);
     void guide_film_positions(const SampleBlock& block);
     void guide_film_positions(const SampleBlock& block, uint32_t p, const FilmGuide::Pixel& pixel);
@@ -45,7 +44,6 @@ class PathWorker final : public IntegratorWorker {
     void choose_directions(uint32_t bounce);
     void weigh_lights(bool guided);
     void push_shadow_rays();
-    void add_unoccluded(uint32_t bounce, SampleBuffer& samples);
     template <bool guided>
     void scatter(uint32_t bounce);
     FloatV survival_probability(const FloatV& before, const FloatV& after, uint32_t bounce) const;

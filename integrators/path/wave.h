@@ -1,10 +1,13 @@
 // The state of a wave of paths, as structures of arrays: a stage of the path tracer reads and writes whole vectors.
 #pragma once
 
+#include <algorithm>
+
 #include "accel/ray_batch.h"
 #include "accel/wave_array.h"
 #include "core/bsdf.h"
 #include "core/film.h"
+#include "core/rounding.h"
 #include "guiding/directional_guide.h"
 
 namespace nephroid {
@@ -97,5 +100,47 @@ struct GuidedWave {
     PathArray<float> delta;    ///< 1: the BSDF chose its mirror direction, which has no density.
     TripleArray delta_weight;  ///< BsdfSample::weight of it.
 };
+
+/// Shadow rays end this far (relative) before their target: two roundings of the segment's length.
+inline constexpr float segment_end = 1.0F - 4.0F * rounding_bound(1);
+
+/// Writes the lanes of `kept` behind the batch's rays, without counting them yet.
+inline void append_rays(RayBatch& rays, const Triple<FloatV>& origin, const Triple<FloatV>& direction,
+                        const FloatV& t_max, const FloatV::mask_type& kept) {
+    compress_store(&rays.origin_x[rays.count], origin.x, kept);
+    compress_store(&rays.origin_y[rays.count], origin.y, kept);
+    compress_store(&rays.origin_z[rays.count], origin.z, kept);
+    compress_store(&rays.direction_x[rays.count], direction.x, kept);
+    compress_store(&rays.direction_y[rays.count], direction.y, kept);
+    compress_store(&rays.direction_z[rays.count], direction.z, kept);
+    compress_store(&rays.t_max[rays.count], t_max, kept);
+}
+
+/// Makes room for a block: the layers that samples are added to.
+inline void clear_samples(SampleBuffer& samples, const AovSelection& aovs, size_t slots) {
+    const auto clear_layer = [slots](AlignedArray<float>(&layer)[3]) {
+        for (auto& channel : layer) std::fill_n(channel.data(), slots, 0.0F);
+    };
+    clear_layer(samples.radiance);
+    if (aovs.caustic) clear_layer(samples.caustic);
+    if (aovs.albedo || aovs.normal || aovs.depth) {
+        clear_layer(samples.albedo);
+        clear_layer(samples.normal);
+        std::fill_n(samples.depth.data(), slots, 0.0F);
+    }
+}
+
+/// Adds the contributions of the shadow rays that arrive (ShadowWave::occluded) to their samples.
+inline void add_unoccluded(const AovSelection& aovs, const ShadowWave& shadows, SampleBuffer& samples) {
+    for (size_t i = 0; i < shadows.rays.count; ++i) {
+        if (shadows.occluded[i] != 0) continue;
+        const size_t slot = shadows.slot[i];
+        const Rgb contribution = shadows.contribution.get(i);
+        for (int c = 0; c < 3; ++c) {
+            samples.radiance[c][slot] += contribution[c];
+            if (aovs.caustic && shadows.caustic[i] != 0) samples.caustic[c][slot] += contribution[c];
+        }
+    }
+}
 
 }  // namespace nephroid
