@@ -4,7 +4,8 @@
 // For a point, spot or small sphere light: cones from its centre; for a directional light: discs across its direction;
 // each holds a group of casters (by their vertices, so that it holds their triangles too). A cone or disc is chosen in
 // proportion to its size and sampled uniformly, so that the density is the number of cones that hold a direction times
-// a constant. Meant to be mixed with a density that covers everything (LightEmission).
+// a constant. It does not cover everything: LightEmission mixes it with a density that
+// does, or leaves the rest to other strategies.
 #pragma once
 
 #include <cstdint>

@@ -54,9 +54,13 @@ Vec2 square_to_disc(Vec2 u) {
 
 }  // namespace
 
-LightEmission::LightEmission(const Scene& scene, const LightSet& lights, const CasterReport& casters, bool aim)
-    : scene_(scene), lights_(lights) {
-    if (aim) aimed_ = AimedEmission(scene, casters);
+LightEmission::LightEmission(const Scene& scene, const LightSet& lights, const CasterReport& casters, EmissionAim aim)
+    : scene_(scene),
+      lights_(lights),
+      aimed_share_(aim == EmissionAim::mostly_casters ? 0.75F : 1.0F),
+      only_casters_(aim == EmissionAim::casters_only) {
+    if (aim != EmissionAim::everywhere) aimed_ = AimedEmission(scene, casters);
+    if (only_casters_) select_lights_that_aim();
     const Bounds bounds = emission_bounds(scene);
     if (!bounds.empty()) {
         centre_ = 0.5F * (bounds.min + bounds.max);
@@ -73,10 +77,20 @@ LightEmission::LightEmission(const Scene& scene, const LightSet& lights, const C
     }
 }
 
+void LightEmission::select_lights_that_aim() {
+    std::vector<float> weights;
+    float total = 0.0F;
+    for (uint32_t i = 0; i < scene_.lights.size(); ++i) {
+        weights.push_back(aimed_.aims(i) ? lights_.probability(i) : 0.0F);
+        total += weights.back();
+    }
+    if (total > 0.0F) selection_ = AliasTable(weights);
+}
+
 EmissionSample LightEmission::sample(float u_select, Vec2 u_position, Vec2 u_direction) const {
     EmissionSample sample;
     float u_choice = u_select;
-    sample.light = lights_.select(u_choice);
+    sample.light = only_casters_ ? static_cast<uint32_t>(selection_.sample(u_choice)) : lights_.select(u_choice);
     if (sample.light < scene_.lights.size()) {
         sample.delta = scene_.lights[sample.light].kind != LightKind::sphere;
         if (scene_.lights[sample.light].kind == LightKind::directional) {
@@ -96,7 +110,7 @@ EmissionSample LightEmission::sample(float u_select, Vec2 u_position, Vec2 u_dir
 void LightEmission::sample_punctual(EmissionSample& sample, float u_choice, Vec2 u_position, Vec2 u_direction) const {
     const PunctualLight& light = scene_.lights[sample.light];
     sample.direction = sample_direction(sample.light, u_choice, u_direction);
-    const float pdf = lights_.probability(sample.light) * direction_pdf(sample.light, sample.direction);
+    const float pdf = probability(sample.light) * direction_pdf(sample.light, sample.direction);
     if (!(pdf > 0.0F)) return;
     sample.weight = light.intensity / pdf;
     sample.direct_factor = lights_.probability(sample.light);
@@ -113,7 +127,7 @@ void LightEmission::sample_punctual(EmissionSample& sample, float u_choice, Vec2
 
 Vec3 LightEmission::sample_direction(uint32_t light, float u_choice, Vec2 u) const {
     if (aimed_.aims(light)) {
-        if (u_choice < aimed_share) return aimed_.sample_direction(light, u_choice / aimed_share, u);
+        if (u_choice < aimed_share_) return aimed_.sample_direction(light, u_choice / aimed_share_, u);
     }
     const PunctualLight& source = scene_.lights[light];
     if (source.kind != LightKind::spot) return to_vec3(square_to_uniform_sphere(u.x, u.y));
@@ -127,7 +141,7 @@ float LightEmission::direction_pdf(uint32_t light, const Vec3& direction) const 
         pdf = 0.5F * inv_pi * spot_falloff(source, to_triple(direction)) / SpotProfile(source).mass();
     }
     if (!aimed_.aims(light)) return pdf;
-    return (1.0F - aimed_share) * pdf + aimed_share * aimed_.direction_pdf(light, direction);
+    return (1.0F - aimed_share_) * pdf + aimed_share_ * aimed_.direction_pdf(light, direction);
 }
 
 Vec3 LightEmission::outside(const Vec3& point, const Vec3& direction) const {
@@ -141,19 +155,18 @@ Vec3 LightEmission::sample_disc(const Vec3& direction, Vec2 u) const {
 
 float LightEmission::disc_pdf(uint32_t light, const Vec3& x) const {
     if (!aimed_.aims(light)) return disc_density_;
-    return (1.0F - aimed_share) * disc_density_ + aimed_share * aimed_.point_pdf(light, x);
+    return (1.0F - aimed_share_) * disc_density_ + aimed_share_ * aimed_.point_pdf(light, x);
 }
 
 void LightEmission::sample_directional(EmissionSample& sample, float u_choice, Vec2 u) const {
     const PunctualLight& light = scene_.lights[sample.light];
     sample.direction = light.direction;
-    const bool aimed = aimed_.aims(sample.light) && u_choice < aimed_share;
+    const bool aimed = aimed_.aims(sample.light) && u_choice < aimed_share_;
     const Vec3 point =
-        aimed ? aimed_.sample_point(sample.light, u_choice / aimed_share, u) : sample_disc(light.direction, u);
+        aimed ? aimed_.sample_point(sample.light, u_choice / aimed_share_, u) : sample_disc(light.direction, u);
     sample.origin = outside(point, light.direction);
-    const float probability = lights_.probability(sample.light);
-    sample.weight = light.intensity / (probability * disc_pdf(sample.light, point));
-    sample.direct_factor = probability;
+    sample.weight = light.intensity / (probability(sample.light) * disc_pdf(sample.light, point));
+    sample.direct_factor = lights_.probability(sample.light);
 }
 
 void LightEmission::sample_triangle(EmissionSample& sample, const TriangleLight& light, Vec2 u_position,
@@ -187,13 +200,13 @@ void LightEmission::sample_environment(EmissionSample& sample, Vec2 u_position, 
 float LightEmission::ray_density(uint32_t light, float direct_pdf, const Vec3& x, const Vec3& direction,
                                  float distance) const {
     if (light >= scene_.lights.size()) {
+        if (only_casters_) return 0.0F;
         const size_t triangle = light - scene_.lights.size();
         return triangle < triangle_densities_.size() ? triangle_densities_[triangle] : direct_pdf * disc_density_;
     }
     const PunctualLight& source = scene_.lights[light];
-    const float probability = lights_.probability(light);
-    if (source.kind == LightKind::directional) return probability * disc_pdf(light, x);
-    const float density = probability * direction_pdf(light, direction);
+    if (source.kind == LightKind::directional) return probability(light) * disc_pdf(light, x);
+    const float density = probability(light) * direction_pdf(light, direction);
     const float area = source.kind == LightKind::sphere ? pi * source.radius * source.radius : distance * distance;
     return density / area;
 }

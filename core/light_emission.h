@@ -21,12 +21,20 @@ struct EmissionSample {
     float direct_factor = 0.0F;  ///< For direct_density.
 };
 
+/// Where rays go.
+enum class EmissionAim : uint8_t {
+    everywhere,      ///< In proportion to power.
+    mostly_casters,  ///< Small lights send three quarters of theirs to casters.
+    casters_only,    ///< Small lights send all of theirs to casters; other lights, and those without casters, none.
+};
+
 class LightEmission {
   public:
-    /// Keeps references. `aim`: small lights send `aimed_share` of their rays to casters.
-    LightEmission(const Scene& scene, const LightSet& lights, const CasterReport& casters, bool aim);
+    /// Keeps references.
+    LightEmission(const Scene& scene, const LightSet& lights, const CasterReport& casters, EmissionAim aim);
 
-    static constexpr float aimed_share = 0.75F;
+    /// Some light has rays to send.
+    bool emits() const { return !only_casters_ || selection_.size() > 0; }
 
     EmissionSample sample(float u_select, Vec2 u_position, Vec2 u_direction) const;
 
@@ -51,10 +59,18 @@ class LightEmission {
     Vec3 outside(const Vec3& point, const Vec3& direction) const;
     Vec3 sample_disc(const Vec3& direction, Vec2 u) const;
     float disc_pdf(uint32_t light, const Vec3& x) const;
+    /// Of selecting the light.
+    float probability(uint32_t light) const {
+        return only_casters_ ? selection_.probability(light) : lights_.probability(light);
+    }
+    void select_lights_that_aim();
 
     const Scene& scene_;
     const LightSet& lights_;
     AimedEmission aimed_;
+    float aimed_share_;  ///< Of a light's rays, where it aims.
+    bool only_casters_;
+    AliasTable selection_;  ///< Where only casters count: among the punctual lights.
     std::vector<float> triangle_densities_;
     Vec3 centre_{0.0F};  ///< Of a sphere about everything that light can meet.
     float radius_ = 1.0F;

@@ -29,6 +29,7 @@ struct GuideBatch {
 
     // Given.
     PathArray<float> u_choice, u, v;  ///< Random numbers in [0, 1): guide or BSDF and which lobe; the direction.
+                                      ///< u_choice = 1: the direction given stays.
 
     // Given and changed.
     TripleArray direction;  ///< As the BSDF's sampling has it; replaced where the guide takes over. Unit.

@@ -19,10 +19,19 @@ constexpr uint32_t probe_points = 256;
 constexpr float least_share = 0.01F;
 
 /// Density within a pixel over its mean there, above which even samples are too few.
-constexpr float least_contrast = 3.0F;
+constexpr float least_contrast = 1.5F;
 
 /// Probability of the lobes where a highlight outshines all else.
-constexpr float most_fraction = 0.95F;
+constexpr float most_fraction = 0.99F;
+
+/// Positions that are drawn for one that is used.
+constexpr uint32_t candidates = 32;
+
+/// (x + i * step) modulo 1: evenly spread for i = 0, 1, ...
+float spread(float x, uint32_t i, double step) {
+    const double sum = static_cast<double>(x) + static_cast<double>(i) * step;
+    return std::min(static_cast<float>(sum - std::floor(sum)), 0x1.fffffep-1F);
+}
 
 /// What a lobe's points in a pixel add up to.
 struct Coverage {
@@ -96,6 +105,29 @@ Vec2 FilmGuide::sample(const Pixel& pixel, float u_choice, float u, float v) con
         left -= share.weight;
     }
     return Vec2(std::numeric_limits<float>::infinity());
+}
+
+FilmGuide::Position FilmGuide::sample_inside(const Pixel& pixel, float u_choice, float u, float v, float u_pick) const {
+    // Powers of the inverse of the plastic number's cousin in three dimensions: x^4 = x + 1 (Roberts 2018).
+    constexpr double step = 0.8191725133961645;
+    Position chosen;
+    uint32_t inside = 0;
+    for (uint32_t i = 0; i < candidates; ++i) {
+        const Vec2 film =
+            sample(pixel, spread(u_choice, i, step), spread(u, i, step * step), spread(v, i, step * step * step));
+        if (std::floor(film.x) != static_cast<float>(pixel.x) || std::floor(film.y) != static_cast<float>(pixel.y)) {
+            continue;
+        }
+        // Each of those inside with the same probability.
+        ++inside;
+        u_pick *= static_cast<float>(inside);
+        const bool taken = u_pick < 1.0F;
+        if (taken) chosen.film = film;
+        u_pick = taken ? u_pick : (u_pick - 1.0F) / static_cast<float>(inside - 1);
+    }
+    if (inside > 0)
+        chosen.weight = static_cast<float>(inside) / (static_cast<float>(candidates) * pdf(pixel, chosen.film));
+    return chosen;
 }
 
 float FilmGuide::pdf(const Pixel& pixel, const Vec2& film) const {

@@ -2,8 +2,12 @@
 // spread samples of the pixel hit once in a thousand times.
 //
 // To the pinhole, a highlight is what a caustic is to a receiver, so it has slope lobes too. In the few pixels that
-// they touch, positions come from the lobes with a probability and evenly otherwise; those outside of the pixel count
-// as black. With the density of both, the pixel's mean stays what it is.
+// they touch, positions come from the lobes with a probability and evenly otherwise. With the density of both, the
+// pixel's mean stays what it is.
+//
+// A lobe reaches beyond its pixel. How much of it lies inside has no closed form; so several positions are drawn, one
+// of those inside is used, and their share is its weight (resampling; Talbot et al. 2005): the mean is right for any
+// number of them.
 #pragma once
 
 #include <cstdint>
@@ -40,6 +44,13 @@ class FilmGuide {
     const std::vector<Pixel>& pixels() const { return pixels_; }
     bool empty() const { return pixels_.empty(); }
 
+    /// A position inside the pixel.
+    struct Position {
+        Vec2 film;
+        float weight = 0.0F;  ///< What a sample there counts. Zero: none was found, and black counts.
+    };
+    /// u_choice, u, v, u_pick in [0, 1).
+    Position sample_inside(const Pixel& pixel, float u_choice, float u, float v, float u_pick) const;
     /// A film position in pixels, maybe outside of the pixel; u_choice, u, v in [0, 1).
     Vec2 sample(const Pixel& pixel, float u_choice, float u, float v) const;
     /// Density per square pixel inside the pixel; positive.

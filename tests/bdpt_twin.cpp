@@ -4,7 +4,7 @@
 
 #include "core/delta_light.h"
 #include "core/rounding.h"
-#include "integrators/bdpt/mis_recursion.h"
+#include "integrators/subpaths/mis_recursion.h"
 
 namespace nephroid::testing {
 

@@ -1,5 +1,5 @@
 // Bidirectional weights the slow, obvious way: the density of a whole path under every strategy, vertex by vertex in
-// double precision. The twin of integrators/bdpt/mis_recursion.h in tests.
+// double precision. The twin of integrators/subpaths/mis_recursion.h in tests.
 #pragma once
 
 #include <optional>

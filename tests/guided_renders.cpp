@@ -7,27 +7,35 @@
 #include <cmath>
 
 #include "core/casters.h"
+#include "integrators/bdpt/bdpt_integrator.h"
 #include "integrators/driver.h"
+#include "integrators/guided/combined_worker.h"
 #include "integrators/path/path_integrator.h"
-#include "integrators/path/path_worker.h"
 #include "tests/statistics.h"
 
 namespace nephroid::testing {
 
 namespace {
 
-/// A path tracer with a guide that the test owns.
+/// A path tracer with a guide that the test owns, and with the light paths of `made`.
 class GuidedBy final : public Integrator {
   public:
-    GuidedBy(const RenderContext& context, const DirectionalGuide& guide) : context_(context), guide_(guide) {}
+    GuidedBy(const GuidedIntegrator& made, const DirectionalGuide& guide) : context_(made.context()), guide_(guide) {
+        if (made.light_tracing() == nullptr) return;
+        light_tracing_.emplace(*made.light_tracing());
+        light_tracing_->guide = &guide;
+    }
     std::string name() const override { return "guided by a test"; }
     std::unique_ptr<IntegratorWorker> make_worker() const override {
+        if (light_tracing_) return std::make_unique<CombinedWorker>(nullptr, *light_tracing_);
         return std::make_unique<PathWorker>(context_, &guide_);
     }
+    bool makes_splats() const override { return light_tracing_.has_value(); }
 
   private:
     const RenderContext& context_;
     const DirectionalGuide& guide_;
+    std::optional<LightTracing> light_tracing_;
 };
 
 PreparedScene prepare(const CausticScene& caustic, const RenderSize& size) {
@@ -78,6 +86,14 @@ CheckedPicture render_path(const CausticScene& caustic, const RenderSize& size) 
     return render_counted(PathIntegrator(prepared.context), size);
 }
 
+CheckedPicture render_bdpt(const CausticScene& caustic, const RenderSize& size) {
+    PreparedScene prepared = prepare(caustic, size);
+    set_up(prepared.context, size, 2000);
+    const BdptIntegrator integrator(prepared.context, find_casters(caustic.scene),
+                                    {size.width, size.height, {0, 0, size.width, size.height}}, {.aim_emission = true});
+    return render_counted(integrator, size);
+}
+
 CheckedPicture render_guided(const CausticScene& caustic, const RenderSize& size, const GuidedSettings& settings,
                              const CacheChange& change) {
     PreparedScene prepared = prepare(caustic, size);
@@ -92,7 +108,7 @@ CheckedPicture render_guided(const CausticScene& caustic, const RenderSize& size
     if (!change.sg || integrator.guide() == nullptr) return finish(integrator);
     const auto render_changed = [&](auto mixtures, const auto& apply) {
         apply(mixtures.cache);
-        return finish(GuidedBy(prepared.context, mixtures.guide));
+        return finish(GuidedBy(integrator, mixtures.guide));
     };
     if (settings.lobe == LobeKind::slope) {
         const auto& made = *integrator.slope_lobes();

@@ -31,6 +31,7 @@ struct CacheChange {
 
 /// Samples are independent, as the tests' variances assume.
 CheckedPicture render_path(const CausticScene& caustic, const RenderSize& size);
+CheckedPicture render_bdpt(const CausticScene& caustic, const RenderSize& size);
 CheckedPicture render_guided(const CausticScene& caustic, const RenderSize& size, const GuidedSettings& settings,
                              const CacheChange& change = {});
 

@@ -85,18 +85,25 @@ TEST_CASE("a lobe across pixels measures each pixel's area") {
     std::uniform_real_distribution<float> uniform(0.0F, 1.0F);
     for (const FilmGuide::Pixel& pixel : guide.pixels()) {
         constexpr int draws = 200000;
-        double sum = 0.0, squares = 0.0;
+        // The area, and the first moment along x: as far as the positions inside are right too.
+        double sum = 0.0, squares = 0.0, x_sum = 0.0, x_squares = 0.0;
         for (int i = 0; i < draws; ++i) {
             const float choice = uniform(generator), u = uniform(generator), v = uniform(generator);
-            const Vec2 film = guide.sample(pixel, choice, u, v);
-            if (!is_inside(pixel, film)) continue;
-            const double weight = 1.0 / double{guide.pdf(pixel, film)};
+            const FilmGuide::Position position = guide.sample_inside(pixel, choice, u, v, uniform(generator));
+            if (!(position.weight > 0.0F)) continue;
+            CHECK(is_inside(pixel, position.film));
+            const auto weight = double{position.weight};
             sum += weight;
             squares += weight * weight;
+            const double x = weight * (double{position.film.x} - pixel.x);
+            x_sum += x;
+            x_squares += x * x;
         }
         const double mean = sum / draws, error = std::sqrt((squares / draws - mean * mean) / draws);
-        INFO("pixel ", pixel.x, ", ", pixel.y, ": ", mean, " +- ", error);
+        INFO("pixel ", pixel.x, ", ", pixel.y, ": ", mean, " +- ", error, ", x ", x_sum / draws);
         CHECK(std::abs(mean - 1.0) < 4.0 * error);
+        const double x_mean = x_sum / draws;
+        CHECK(std::abs(x_mean - 0.5) < 4.0 * std::sqrt((x_squares / draws - x_mean * x_mean) / draws));
     }
 }
 

@@ -24,6 +24,7 @@ GuidedSettings small_cache(LobeKind lobe, int bounces) {
     GuidedSettings settings = lobe == LobeKind::slope ? GuidedSettings() : paper_settings();
     settings.cached_points = 200;
     settings.bounces = bounces;
+    settings.light_path_per = 0;  // Camera paths alone: light paths would hide what is wrong with them.
     settings.selection = Selection::local_minima;  // Thousands of lobes a point otherwise, at the test's alpha.
     return settings;
 }
@@ -34,6 +35,16 @@ testing::CheckedPicture render_with_guide(const CausticScene& caustic, const tes
     REQUIRE(picture.guided);
     testing::check_clean(picture);
     return picture;
+}
+
+EnvironmentMap even_environment(float radiance) {
+    EnvironmentMap map;
+    map.image.width = 2;
+    map.image.height = 1;
+    map.image.channels = 3;
+    map.image.storage = Image::Storage::float32;
+    map.image.floats.assign(6, radiance);
+    return map;
 }
 
 std::string name_of(LobeKind lobe) {
@@ -175,6 +186,46 @@ TEST_CASE("sphere lights: the mixture's density enters next event estimation's w
         check_same_mean(render_with_guide(caustic, {.spp = 1024}, small_cache(lobe, 1)), path,
                         "sphere light" + name_of(lobe));
     }
+}
+
+TEST_CASE("light paths beside guided ones have the same mean, whatever the cache holds") {
+    for (const CausticScene& caustic : testing::all_caustic_scenes(alpha_for_path)) {
+        const testing::Picture path = render_path(caustic, {.spp = spp_for_path});
+        GuidedSettings settings = small_cache(LobeKind::slope, caustic.reflections);
+        settings.light_path_per = 16;
+        check_same_mean(render_with_guide(caustic, {.spp = 1024}, settings), path, caustic.name + ", light paths");
+        settings.light_path_per = 1;
+        check_same_mean(render_with_guide(caustic, {.spp = 512}, settings, rotated), path,
+                        caustic.name + ", light paths, rotated");
+    }
+}
+
+TEST_CASE("light paths of sphere, spot and directional lights beside guided ones have the same mean") {
+    for (const LightKind kind : {LightKind::sphere, LightKind::spot, LightKind::directional}) {
+        CausticScene caustic = testing::sphere_caustic(alpha_for_path);
+        PunctualLight& light = caustic.scene.lights[0];
+        light.kind = kind;
+        light.radius = kind == LightKind::sphere ? 0.012F : 0.0F;
+        light.direction = glm::normalize(Vec3(0.0F, 0.5F, 0.0F) - light.position);
+        light.cos_inner = 0.98F;
+        light.cos_outer = 0.9F;
+        // One that no light path leaves, too. At a spot light's rim, path tracing takes long to know its own variance.
+        caustic.scene.environment = even_environment(0.02F);
+        const testing::Picture path = render_path(caustic, {.spp = 4 * spp_for_path});
+        GuidedSettings settings = small_cache(LobeKind::slope, 1);
+        settings.light_path_per = 2;
+        check_same_mean(render_with_guide(caustic, {.spp = 1024}, settings), path,
+                        "light kind " + std::to_string(static_cast<int>(kind)));
+    }
+}
+
+TEST_CASE("a perfect mirror's caustic of a point light comes by light paths") {
+    const CausticScene caustic = testing::sphere_caustic(1e-5F);
+    GuidedSettings settings = small_cache(LobeKind::slope, 1);
+    settings.light_path_per = std::nullopt;
+    const testing::CheckedPicture guided = render_guided(caustic, {.spp = 512}, settings);
+    testing::check_clean(guided);
+    check_same_mean(guided, render_bdpt(caustic, {.spp = 512}), "mirror");
 }
 
 TEST_CASE("caustics agree with quadrature over the reflector") {

@@ -167,6 +167,8 @@ GuidedSettings guided_settings(const Parameters& parameters, std::optional<doubl
     if (parameters.at("guide_fraction") != "auto") {
         settings.guide_fraction = static_cast<float>(number_of(parameters, "guide_fraction"));
     }
+    const std::string& combine = parameters.at("combine");
+    if (combine != "auto") settings.light_path_per = combine == "off" ? 0 : static_cast<uint32_t>(std::stoul(combine));
     return settings;
 }
 

@@ -97,6 +97,14 @@ std::vector<ParameterDescription> guided_parameters() {
          "the light that each cached point expects of both",
          {"auto"},
          NumberRange{0.0, 0.99, false}},
+        {"combine",
+         "auto|off|1|2|4|8|16|32|64",
+         "auto",
+         "splats of light paths aimed at casters beside the camera's paths, weighted against each other: a light path "
+         "for every so many samples. auto: where photons tell that it pays; light that the guide misses then has a "
+         "second way to the picture, and every sample takes longer",
+         {"auto", "off", "1", "2", "4", "8", "16", "32", "64"},
+         {}},
         {"merge_distance",
          "0..100",
          "0.1",
@@ -147,13 +155,19 @@ const std::map<std::string, std::vector<ParameterDescription>>& table() {
 /// What an assignment implies for parameters that are not assigned.
 const std::map<std::string, Parameters>& implications() {
     static const std::map<std::string, Parameters> values = {
-        {"lobe=sg", {{"warp", "mirror"}, {"guide_fraction", "0.5"}, {"slope_limit", "0"}, {"long_paths", "search"}}},
+        {"lobe=sg",
+         {{"warp", "mirror"},
+          {"guide_fraction", "0.5"},
+          {"slope_limit", "0"},
+          {"long_paths", "search"},
+          {"combine", "off"}}},
         {"preset=paper",
          {{"lobe", "sg"},
           {"warp", "mirror"},
           {"guide_fraction", "0.5"},
           {"slope_limit", "0"},
           {"long_paths", "search"},
+          {"combine", "off"},
           {"selection", "triangles"}}},
     };
     return values;

@@ -9,7 +9,7 @@
 #pragma once
 
 #include "core/casters.h"
-#include "integrators/bdpt/bdpt_waves.h"
+#include "integrators/subpaths/light_tracing.h"
 
 namespace nephroid {
 
@@ -34,7 +34,7 @@ class BdptIntegrator final : public Integrator {
     bool makes_splats() const override { return true; }
 
   private:
-    BdptContext context_;
+    LightTracing context_;
 };
 
 }  // namespace nephroid

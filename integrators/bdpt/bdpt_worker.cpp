@@ -24,7 +24,9 @@ FloatV load(const AlignedArray<float>& values, size_t i) {
 
 BdptIntegrator::BdptIntegrator(const RenderContext& context, const CasterReport& casters, const BdptView& view,
                                const BdptSettings& settings)
-    : context_{context, LightEmission(context.scene, context.lights, casters, settings.aim_emission),
+    : context_{context,
+               LightEmission(context.scene, context.lights, casters,
+                             settings.aim_emission ? EmissionAim::mostly_casters : EmissionAim::everywhere),
                CameraProjection(context.camera_rays), view.crop,
                static_cast<float>(light_paths_per_sample(view.width, view.height, view.crop))} {}
 
@@ -32,7 +34,7 @@ std::unique_ptr<IntegratorWorker> BdptIntegrator::make_worker() const {
     return std::make_unique<BdptWorker>(context_);
 }
 
-BdptWorker::BdptWorker(const BdptContext& context)
+BdptWorker::BdptWorker(const LightTracing& context)
     : context_(context),
       render_(context.render),
       light_(context),
@@ -68,8 +70,8 @@ void BdptWorker::render(const SampleBlock& block, SampleBuffer& samples) {
         connections_.connect(bounce, tracer_.vertices, tracer_.sums, light_.vertices(), samples);
         // The last scattering matters only where a light can be hit.
         if (bounce + 1 == render_.max_depth && !lights.has_hittable()) break;
-        tracer_.scatter<Transport::radiance>(bounce, dimension_of(bounce, lobe_and_roulette),
-                                             dimension_of(bounce, direction), ones_);
+        tracer_.scatter<Transport::radiance>(
+            {bounce, dimension_of(bounce, lobe_and_roulette), dimension_of(bounce, direction), ones_});
     }
 }
 

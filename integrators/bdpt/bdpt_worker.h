@@ -1,14 +1,14 @@
 // One thread's bidirectional path tracer.
 #pragma once
 
-#include "integrators/bdpt/light_subpaths.h"
 #include "integrators/bdpt/vertex_connections.h"
+#include "integrators/subpaths/light_subpaths.h"
 
 namespace nephroid {
 
 class BdptWorker final : public IntegratorWorker {
   public:
-    explicit BdptWorker(const BdptContext& context);
+    explicit BdptWorker(const LightTracing& context);
     void render(const SampleBlock& block, SampleBuffer& samples) override;
     uint64_t rays() const override;
 
@@ -27,7 +27,7 @@ class BdptWorker final : public IntegratorWorker {
     void weigh_lights();
     void push_shadow_rays();
 
-    const BdptContext& context_;
+    const LightTracing& context_;
     const RenderContext& render_;
     LightSubpaths light_;
     SubpathTracer tracer_;

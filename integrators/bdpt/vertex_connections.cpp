@@ -43,7 +43,7 @@ BsdfParameters<FloatV> gather_bsdf(const VertexWave& v, const UintV& index, cons
 
 }  // namespace
 
-VertexConnections::VertexConnections(const BdptContext& context)
+VertexConnections::VertexConnections(const LightTracing& context)
     : context_(context),
       camera_vertex_(max_slots_per_block),
       light_vertex_(max_slots_per_block),

@@ -1,13 +1,13 @@
 // Connections between camera and light vertices (strategies s >= 2, t >= 2), gathered into batches of shadow rays.
 #pragma once
 
-#include "integrators/bdpt/subpath_tracer.h"
+#include "integrators/subpaths/subpath_tracer.h"
 
 namespace nephroid {
 
 class VertexConnections {
   public:
-    explicit VertexConnections(const BdptContext& context);
+    explicit VertexConnections(const LightTracing& context);
 
     /// Connects every vertex of the wave, which lies past `bounce` scatterings, to the light vertices of its slot.
     void connect(uint32_t bounce, const VertexWave& vertices, const MisArray& sums, const LightVertices& light,
@@ -19,7 +19,7 @@ class VertexConnections {
     void weigh(const VertexWave& vertices, const MisArray& sums, const LightVertices& light);
     void flush(const VertexWave& vertices, const MisArray& sums, const LightVertices& light, SampleBuffer& samples);
 
-    const BdptContext& context_;
+    const LightTracing& context_;
     // Pairs of vertices to connect.
     size_t pair_count_ = 0;
     PathArray<uint32_t> camera_vertex_, light_vertex_;

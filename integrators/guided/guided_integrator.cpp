@@ -4,13 +4,19 @@
 #include <cmath>
 #include <span>
 
+#include "integrators/guided/combined_worker.h"
 #include "integrators/guided/highlights.h"
 #include "integrators/guided/stopwatch.h"
-#include "integrators/path/path_worker.h"
 
 namespace nephroid {
 
 namespace {
+
+/// Costs about a tenth of the samples and takes nearly all bright dots away: docs/guiding.md.
+constexpr uint32_t usual_light_path_per = 16;
+
+/// Share of the photons that must land where the picture looks.
+constexpr double least_served = 1.0 / 256.0;
 
 template <class Mixture>
 std::optional<GuideFacts> facts_of(const MixtureCache<Mixture>& mixtures, const Vec3& position, const Vec3& normal) {
@@ -60,6 +66,31 @@ GuidedIntegrator::GuidedIntegrator(const RenderContext& context, const CasterRep
         keep(spherical_gaussians_, make_sg_cache(context, found, settings), options);
         statistics_.seconds_lobes = stopwatch.lap();
     }
+    const uint32_t light_path_per =
+        settings.light_path_per.value_or(light_paths_pay(casters) ? usual_light_path_per : 0);
+    if (light_path_per > 0) add_light_tracing(casters, view, light_path_per);
+}
+
+// Photons are light paths, so they tell what light paths will do: pay, where enough of them land on what is seen. A
+// perfect mirror's caustic of a light of no size has no other way to the picture.
+bool GuidedIntegrator::light_paths_pay(const CasterReport& casters) const {
+    for (size_t i = 0; i < casters.is_caster.size(); ++i) {
+        if (casters.is_caster[i] == 0) continue;
+        const Material& material = context_.surfaces.material(static_cast<uint32_t>(i));
+        if (material.roughness * material.roughness < delta_alpha) return true;
+    }
+    if (guide() == nullptr) return false;
+    const GuidedStatistics& s = statistics_;
+    return s.photons == 0 || static_cast<double>(s.served_photons) > least_served * static_cast<double>(s.photons);
+}
+
+void GuidedIntegrator::add_light_tracing(const CasterReport& casters, const GuidedView& view, uint32_t one_in) {
+    LightEmission emission(context_.scene, context_.lights, casters, EmissionAim::casters_only);
+    if (!emission.emits()) return;
+    const auto samples = static_cast<float>(light_paths_per_sample(view.width, view.height, view.crop));
+    light_tracing_ = std::make_unique<LightTracing>(
+        LightTracing{context_, std::move(emission), CameraProjection(context_.camera_rays), view.crop,
+                     samples / static_cast<float>(one_in), false, one_in, guide()});
 }
 
 const DirectionalGuide* GuidedIntegrator::guide() const {
@@ -68,7 +99,9 @@ const DirectionalGuide* GuidedIntegrator::guide() const {
 }
 
 std::unique_ptr<IntegratorWorker> GuidedIntegrator::make_worker() const {
-    return std::make_unique<PathWorker>(context_, guide(), film_guide_.empty() ? nullptr : &film_guide_);
+    const FilmGuide* film_guide = film_guide_.empty() ? nullptr : &film_guide_;
+    if (light_tracing_) return std::make_unique<CombinedWorker>(film_guide, *light_tracing_);
+    return std::make_unique<PathWorker>(context_, guide(), film_guide);
 }
 
 std::optional<GuideFacts> GuidedIntegrator::facts_at(const Vec3& position, const Vec3& normal) const {
@@ -83,6 +116,8 @@ std::optional<IntegratorStatistics> GuidedIntegrator::statistics() const {
                                 {{"cached_points", s.cached_points},
                                  {"added_points", s.added_points},
                                  {"photons", s.photons},
+                                 {"served_photons", s.served_photons},
+                                 {"light_path_per", light_tracing_ ? uint64_t{light_tracing_->one_in} : 0},
                                  {"lobes", s.lobes},
                                  {"bytes", s.bytes},
                                  {"path_cuts_visited", s.search.nodes_visited},

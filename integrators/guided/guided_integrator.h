@@ -14,6 +14,7 @@
 #include "guiding/film_guide.h"
 #include "integrators/guided/sg_cache.h"
 #include "integrators/guided/slope_cache.h"
+#include "integrators/subpaths/light_tracing.h"
 
 namespace nephroid {
 
@@ -41,6 +42,7 @@ class GuidedIntegrator final : public Integrator {
                      const GuidedSettings& settings);
     std::string name() const override { return "guided"; }
     std::unique_ptr<IntegratorWorker> make_worker() const override;
+    bool makes_splats() const override { return light_tracing_ != nullptr; }
     std::optional<IntegratorStatistics> statistics() const override;
 
     /// Null where nothing is to be guided to.
@@ -48,15 +50,21 @@ class GuidedIntegrator final : public Integrator {
     /// Of a point and its unit geometric normal; nothing where no cached point serves it.
     std::optional<GuideFacts> facts_at(const Vec3& position, const Vec3& normal) const;
     const RenderContext& context() const { return context_; }
+    /// Null where there are camera paths only.
+    const LightTracing* light_tracing() const { return light_tracing_.get(); }
 
     /// Null where lobes are of the other kind, or where nothing is to be guided to.
     const MixtureCache<SgMixtures>* spherical_gaussians() const { return spherical_gaussians_.get(); }
     const MixtureCache<SlopeMixtures>* slope_lobes() const { return slope_lobes_.get(); }
 
   private:
+    bool light_paths_pay(const CasterReport& casters) const;
+    void add_light_tracing(const CasterReport& casters, const GuidedView& view, uint32_t one_in);
+
     const RenderContext& context_;
     GuidedStatistics statistics_;
     FilmGuide film_guide_;
+    std::unique_ptr<LightTracing> light_tracing_;  ///< Null: camera paths only.
     std::unique_ptr<MixtureCache<SgMixtures>> spherical_gaussians_;
     std::unique_ptr<MixtureCache<SlopeMixtures>> slope_lobes_;
 };

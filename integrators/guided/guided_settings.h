@@ -44,6 +44,9 @@ struct GuidedSettings {
     SlopeWarp slope_warp = SlopeWarp::newton;
     /// Probability of the guide against the BSDF, 0 .. 1 exclusive; none: from what each cached point expects of both.
     std::optional<float> guide_fraction;
+    /// Splats of light paths aimed at casters, beside camera paths: of so many samples one brings a light path (a power
+    /// of two up to 64; 0: none). None: where photons tell that it pays.
+    std::optional<uint32_t> light_path_per;
 };
 
 /// The paper's method (preset=paper).
@@ -54,6 +57,7 @@ inline GuidedSettings paper_settings() {
     settings.selection = Selection::every_triangle;
     settings.acceptance.alpha_multiple = 0.0;
     settings.guide_fraction = 0.5F;
+    settings.light_path_per = 0;
     return settings;
 }
 
@@ -70,6 +74,7 @@ struct GuidedStatistics {
     size_t lobes = 0;
     size_t paths = 0;
     size_t photons = 0;              ///< That landed.
+    size_t served_photons = 0;       ///< Of these, near a cached point.
     size_t added_points = 0;         ///< Of cached_points: where photons found them missing.
     size_t bytes = 0;                ///< Of the cache while rendering.
     double seconds_receivers = 0.0;  ///< Including the pilot search that tells how many are affordable.

@@ -2,6 +2,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <chrono>
 #include <utility>
 
@@ -84,6 +85,8 @@ class SlopeCacheMaker {
         photons_ = trace_caustic_photons(context_, found_, count, context_.max_depth - 1);
         coverage_ = measure_coverage(cache_, options_, photons_);
         statistics_.photons = photons_.size();
+        statistics_.served_photons = static_cast<size_t>(
+            std::count_if(coverage_.begin(), coverage_.end(), [](const auto& at) { return at.bsdf_pdf > 0.0F; }));
         statistics_.seconds_photons = stopwatch_.lap();
     }
 

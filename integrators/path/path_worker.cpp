@@ -34,20 +34,14 @@ FloatV load(const AlignedArray<float>& values, size_t i) {
     return FloatV(&values[i], stdx::vector_aligned);
 }
 
-/// Density of directions that the guide chooses with its fraction and the BSDF otherwise.
-FloatV mixed_pdf(const GuideBatch& batch, size_t k, const FloatV& bsdf_pdf, const AlignedArray<float>& guide_pdf) {
-    const FloatV fraction = load(batch.fraction, k);
-    const FloatV guide_share = select(fraction > FloatV(0.0F), fraction * load(guide_pdf, k), FloatV(0.0F));
-    return (FloatV(1.0F) - fraction) * bsdf_pdf + guide_share;
-}
-
 }  // namespace
 
 std::unique_ptr<IntegratorWorker> PathIntegrator::make_worker() const {
     return std::make_unique<PathWorker>(context_, nullptr);
 }
 
-PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* guide, const FilmGuide* film_guide)
+PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* guide, const FilmGuide* film_guide,
+                       const LightTracing* light_tracing)
     : context_(context),
       seeds_(max_slots_per_block),
       indices_(max_slots_per_block),
@@ -56,7 +50,9 @@ PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* gui
       vertices_(max_slots_per_block),
       lights_(max_slots_per_block),
       shadows_(max_slots_per_block),
-      film_guide_(film_guide) {
+      film_guide_(film_guide),
+      light_tracing_(light_tracing) {
+    if (light_tracing != nullptr) rivals_.emplace(max_slots_per_block);
     if (guide == nullptr) return;
     guide_ = guide->make_worker();
     least_guided_alpha_ = guide->least_alpha();
@@ -85,7 +81,8 @@ void PathWorker::trace_paths(SampleBuffer& samples) {
                 sample_lights(bounce);
             }
             if (guided) choose_directions(bounce);
-            weigh_lights(guided);
+            if (rivals_ && bounce > 0) find_ray_densities();
+            weigh_lights(bounce, guided);
             push_shadow_rays();
             rays_ += shadows_.rays.count;
             context_.accelerator.occluded(shadows_.rays, bounce == 0, shadows_.occluded);
@@ -176,14 +173,12 @@ void PathWorker::guide_film_positions(const SampleBlock& block, uint32_t p, cons
         const size_t slot = size_t{s} * block.pixel_count + p;
         const auto [u, v] = sample_2d(context_.sampler, seeds_[slot], indices_[slot], film_dimension);
         const uint32_t choice_seed = pixel_seed(seeds_[slot], highlight_choice, context_.seed);
-        const float choice = sample_1d(context_.sampler, choice_seed, indices_[slot], film_dimension);
-        const Vec2 film = film_guide_->sample(pixel, choice, u, v);
-        const bool inside =
-            std::floor(film.x) == static_cast<float>(pixel.x) && std::floor(film.y) == static_cast<float>(pixel.y);
-        // What lies outside still takes its slot: as black.
-        paths_.throughput.set(slot, Vec3(inside ? 1.0F / film_guide_->pdf(pixel, film) : 0.0F));
-        if (!inside) continue;
+        const auto [choice, pick] = sample_2d(context_.sampler, choice_seed, indices_[slot], film_dimension);
+        const FilmGuide::Position position = film_guide_->sample_inside(pixel, choice, u, v, pick);
+        paths_.throughput.set(slot, Vec3(position.weight));
+        if (!(position.weight > 0.0F)) continue;
         const CameraRays& camera = context_.camera_rays;
+        const Vec2 film = position.film;
         paths_.rays.set(slot, to_vec3(camera.origin(film.x, film.y)), to_vec3(camera.direction(film.x, film.y)));
     }
 }
@@ -217,7 +212,7 @@ void PathWorker::collect_vertices(uint32_t bounce, SampleBuffer& samples) {
         if (object == no_hit) {
             add_escaped(i, samples);
         } else if (object >= object_count) {
-            add_sphere_light(i, object - object_count, samples);
+            add_sphere_light(i, object - object_count, bounce, samples);
         } else {
             const SurfaceInteraction surface =
                 surfaces.interact(object, hits_.primitive[i], hits_.u[i], hits_.v[i], -paths_.rays.direction(i));
@@ -226,6 +221,23 @@ void PathWorker::collect_vertices(uint32_t bounce, SampleBuffer& samples) {
         }
     }
     if (bounce == 0) record_first_hits(samples);
+    if (rivals_) carry_sums(bounce);
+}
+
+// Towards MisSums of the vertices: of what splats would do for the path so far.
+NEPHROID_FLATTEN void PathWorker::carry_sums(uint32_t bounce) {
+    for (size_t k = 0; k < vertices_.count; k += simd_width) {
+        const FloatV cosine = dot(vertices_.geometric_normal.load(k), vertices_.wo.load(k));
+        if (bounce == 0) {
+            const CameraView<FloatV> view = light_tracing_->projection.view(vertices_.position.load(k));
+            rivals_->sums.store(k, mis_camera_start(view.pixel_density * cosine, light_tracing_->light_paths));
+            continue;
+        }
+        const auto active = first_lanes(vertices_.count - k);
+        const UintV path(&vertices_.path[k], stdx::vector_aligned);
+        const MisSums<FloatV> past{FloatV(0.0F), gather(rivals_->path_chain.data(), path, active)};
+        rivals_->sums.store(k, mis_arrive(past, gather(hits_.t.data(), path, active), cosine));
+    }
 }
 
 NEPHROID_FLATTEN void PathWorker::interpolate_plain_vertices() {
@@ -300,34 +312,45 @@ void PathWorker::add_escaped(size_t path, SampleBuffer& samples) {
     const Environment* environment = context_.lights.environment();
     if (environment == nullptr) return;
     const Environment::Evaluation evaluation = environment->evaluate(paths_.rays.direction(path));
-    const float light_pdf = paths_.pdf[path] > 0.0F ? context_.lights.environment_probability() * evaluation.pdf : 0.0F;
-    add_emission(path, evaluation.radiance, light_pdf, false, samples);
+    const float light_pdf = context_.lights.environment_probability() * evaluation.pdf;
+    add_emission(path, evaluation.radiance, weight_of_hit(path, light_pdf), false, samples);
 }
 
-void PathWorker::add_sphere_light(size_t path, uint32_t light, SampleBuffer& samples) {
+void PathWorker::add_sphere_light(size_t path, uint32_t light, uint32_t bounce, SampleBuffer& samples) {
     const Vec3 origin = paths_.rays.origin(path);
     const PunctualLight& sphere = context_.scene.lights[light];
     const Vec3 from_centre = origin - sphere.position;
     if (glm::dot(from_centre, from_centre) <= sphere.radius * sphere.radius) return;  // Emits outwards only.
-    const float light_pdf = paths_.pdf[path] > 0.0F ? context_.lights.pdf_sphere(light, origin) : 0.0F;
-    add_emission(path, LightSet::sphere_radiance(sphere), light_pdf, true, samples);
+    const float light_pdf = context_.lights.pdf_sphere(light, origin);
+    float weight = weight_of_hit(path, light_pdf);
+    if (rivals_ && bounce > 1) {
+        const float density =
+            light_tracing_->emission.ray_density(light, light_pdf, origin, -paths_.rays.direction(path), hits_.t[path]);
+        weight = 1.0F / (1.0F / weight + squared(density) * rivals_->path_chain[path]);
+    }
+    add_emission(path, LightSet::sphere_radiance(sphere), weight, true, samples);
 }
 
 void PathWorker::add_surface_emission(size_t path, const SurfaceInteraction& surface, SampleBuffer& samples) {
     const Material& material = context_.surfaces.material(hits_.object[path]);
     if (!surface.front && !material.double_sided) return;
-    float light_pdf = 0.0F;
+    float weight = 1.0F;
     if (paths_.pdf[path] > 0.0F) {
-        light_pdf = context_.lights.pdf_triangle(hits_.object[path], hits_.primitive[path], surface.area,
-                                                 paths_.rays.origin(path), surface.position, surface.geometric_normal);
+        const float light_pdf =
+            context_.lights.pdf_triangle(hits_.object[path], hits_.primitive[path], surface.area,
+                                         paths_.rays.origin(path), surface.position, surface.geometric_normal);
+        weight = weight_of_hit(path, light_pdf);
     }
-    add_emission(path, emitted_radiance(context_.scene, material, surface.uv), light_pdf, false, samples);
+    add_emission(path, emitted_radiance(context_.scene, material, surface.uv), weight, false, samples);
 }
 
-// Radiance of a light that the path ran into, weighted against next event estimation from its last vertex.
-void PathWorker::add_emission(size_t path, const Rgb& radiance, float light_pdf, bool small_light,
-                              SampleBuffer& samples) {
-    const float weight = light_pdf > 0.0F ? power_heuristic(paths_.pdf[path], light_pdf) : 1.0F;
+/// Of a light that the path ran into, against next event estimation from its last vertex.
+float PathWorker::weight_of_hit(size_t path, float light_pdf) const {
+    const bool competes = paths_.pdf[path] > 0.0F && light_pdf > 0.0F;
+    return competes ? power_heuristic(paths_.pdf[path], light_pdf) : 1.0F;
+}
+
+void PathWorker::add_emission(size_t path, const Rgb& radiance, float weight, bool small_light, SampleBuffer& samples) {
     const Rgb contribution = paths_.throughput.get(path) * radiance * weight;
     const size_t slot = paths_.slot[path];
     const bool caustic = context_.aovs.caustic && small_light && (paths_.flags[path] & on_caster_chain) != 0;
@@ -370,6 +393,7 @@ void PathWorker::sample_lights(uint32_t bounce) {
             lights_.pdf[k] = sample.pdf;
             lights_.bsdf_competes[k] = sample.delta ? 0.0F : 1.0F;
             lights_.infinite[k] = sample.infinite ? 1.0F : 0.0F;
+            if (rivals_) rivals_->light[k] = sample.light;
             const bool small = sample.light < context_.scene.lights.size();
             lights_.caustic[k] = small && (vertices_.flags[k] & on_caster_chain) != 0 ? 1 : 0;
         }
@@ -388,8 +412,20 @@ NEPHROID_FLATTEN void PathWorker::sample_single_light(const PunctualLight& light
         FloatV(0.0F).copy_to(&lights_.bsdf_competes[i], stdx::vector_aligned);
         FloatV(infinite).copy_to(&lights_.infinite[i], stdx::vector_aligned);
     }
+    if (rivals_) std::fill_n(rivals_->light.data(), vertices_.count, 0U);
     for (size_t k = 0; k < vertices_.count && context_.aovs.caustic; ++k) {
         lights_.caustic[k] = (vertices_.flags[k] & on_caster_chain) != 0 ? 1 : 0;
+    }
+}
+
+void PathWorker::find_ray_densities() {
+    for (size_t k = 0; k < vertices_.count; ++k) {
+        rivals_->ray_density[k] = 0.0F;
+        if (!(rivals_->sums.chain[k] > 0.0F && lights_.pdf[k] > 0.0F)) continue;
+        const Vec3 position = vertices_.position.get(k);
+        const float distance = glm::length(lights_.target.get(k) - position);
+        rivals_->ray_density[k] = light_tracing_->emission.ray_density(rivals_->light[k], lights_.pdf[k], position,
+                                                                       -lights_.wi.get(k), distance);
     }
 }
 
@@ -438,9 +474,10 @@ NEPHROID_FLATTEN BsdfSample<FloatV> PathWorker::guided_sample(size_t k, const Fr
 }
 
 // radiance <- throughput * f * cos * radiance * MIS weight / pdf.
-NEPHROID_FLATTEN void PathWorker::weigh_lights(bool guided) {
+NEPHROID_FLATTEN void PathWorker::weigh_lights(uint32_t bounce, bool guided) {
     const FloatV zero(0.0F);
     const bool guide_competes = guided && context_.lights.has_hittable();
+    const bool splats_compete = rivals_ && bounce > 0;
     for (size_t i = 0; i < vertices_.count; i += simd_width) {
         const Frame<FloatV> frame = make_frame(vertices_.shading_normal.load(i));
         const Triple<FloatV> wi = lights_.wi.load(i);
@@ -451,7 +488,16 @@ NEPHROID_FLATTEN void PathWorker::weigh_lights(bool guided) {
         const auto lit = (dot(vertices_.geometric_normal.load(i), wi) > zero) && (pdf > zero);
         FloatV direction_pdf = bsdf.pdf;
         if (guide_competes) direction_pdf = mixed_pdf(guided_->batch, i, bsdf.pdf, guided_->batch.light_pdf);
-        const FloatV weight = power_heuristic(pdf, direction_pdf * load(lights_.bsdf_competes, i)) / pdf;
+        direction_pdf = direction_pdf * load(lights_.bsdf_competes, i);
+        FloatV weight = power_heuristic(pdf, direction_pdf) / pdf;
+        if (splats_compete) {
+            const FloatV reverse_pdf =
+                evaluate_bsdf(vertices_.bsdf(i), frame.to_local(wi), frame.to_local(vertices_.wo.load(i))).pdf;
+            const FloatV cosine = dot(vertices_.geometric_normal.load(i), wi);
+            weight = mis_weight_light(rivals_->sums.load(i), pdf, direction_pdf, load(rivals_->ray_density, i), cosine,
+                                      reverse_pdf) /
+                     pdf;
+        }
         const Triple<FloatV> contribution =
             vertices_.throughput.load(i) * bsdf.value * lights_.radiance.load(i) * weight;
         lights_.radiance.store(i, select<FloatV>(lit, contribution, {zero, zero, zero}));
@@ -527,6 +573,13 @@ NEPHROID_FLATTEN void PathWorker::scatter(uint32_t bounce) {
         append_rays(rays, origin, wi, infinity, lives);
         paths_.throughput.append(rays.count, weight, lives);
         compress_store(&paths_.pdf[rays.count], select(sample.delta, zero, sample.pdf), lives);
+        if (rivals_) {
+            const FloatV reverse_pdf =
+                evaluate_bsdf(vertices_.bsdf(k), sample.wi, frame.to_local(vertices_.wo.load(k))).pdf;
+            const MisSums<FloatV> after =
+                mis_scatter(rivals_->sums.load(k), dot(normal, wi), sample.pdf, reverse_pdf, sample.delta);
+            compress_store(&rivals_->path_chain[rays.count], after.chain, lives);
+        }
         compress_store(&paths_.slot[rays.count], slot, lives);
         compress_store(&paths_.flags[rays.count], UintV(&vertices_.flags[k], stdx::vector_aligned), lives);
         rays.count += count_of(lives);

@@ -8,14 +8,17 @@
 #include "guiding/film_guide.h"
 #include "integrators/integrator.h"
 #include "integrators/path/wave.h"
+#include "integrators/subpaths/light_tracing.h"
 
 namespace nephroid {
 
 class PathWorker final : public IntegratorWorker {
   public:
     /// `guide` may be null: directions then come from the BSDF alone. `film_guide` may be null: film positions then lie
-    /// evenly in their pixel.
-    PathWorker(const RenderContext& context, const DirectionalGuide* guide, const FilmGuide* film_guide = nullptr);
+    /// evenly in their pixel. `light_tracing` may be null: otherwise samples are weighted against the splats of light
+    /// paths, which are the caller's to add.
+    PathWorker(const RenderContext& context, const DirectionalGuide* guide, const FilmGuide* film_guide = nullptr,
+               const LightTracing* light_tracing = nullptr);
     void render(const SampleBlock& block, SampleBuffer& samples) override;
     /// Radiance that arrives at the rays' origins against their directions, in slots 0 .. count - 1 of `samples`; at
     /// most max_slots_per_block rays of unit direction. `first_index` numbers the samples of all rays alike; rays of
@@ -32,9 +35,12 @@ class PathWorker final : public IntegratorWorker {
     void trace(uint32_t bounce);
     void collect_vertices(uint32_t bounce, SampleBuffer& samples);
     void add_escaped(size_t path, SampleBuffer& samples);
-    void add_sphere_light(size_t path, uint32_t light, SampleBuffer& samples);
+    void add_sphere_light(size_t path, uint32_t light, uint32_t bounce, SampleBuffer& samples);
     void add_surface_emission(size_t path, const SurfaceInteraction& surface, SampleBuffer& samples);
-    void add_emission(size_t path, const Rgb& radiance, float light_pdf, bool small_light, SampleBuffer& samples);
+    void add_emission(size_t path, const Rgb& radiance, float weight, bool small_light, SampleBuffer& samples);
+    float weight_of_hit(size_t path, float light_pdf) const;
+    void carry_sums(uint32_t bounce);
+    void find_ray_densities();
     void interpolate_plain_vertices();
     uint32_t flags_at(size_t path) const;
     void push_vertex(size_t path, const SurfaceInteraction& surface);
@@ -42,7 +48,7 @@ class PathWorker final : public IntegratorWorker {
     void sample_lights(uint32_t bounce);
     void sample_single_light(const PunctualLight& light);
     void choose_directions(uint32_t bounce);
-    void weigh_lights(bool guided);
+    void weigh_lights(uint32_t bounce, bool guided);
     void push_shadow_rays();
     template <bool guided>
     void scatter(uint32_t bounce);
@@ -67,6 +73,8 @@ class PathWorker final : public IntegratorWorker {
     float least_guided_alpha_ = 0.0F;     ///< DirectionalGuide::least_alpha.
     bool guide_leads_on_ = false;         ///< DirectionalGuide::leads_on.
     std::optional<GuidedWave> guided_;
+    const LightTracing* light_tracing_;  ///< Null: no splats to weigh against.
+    std::optional<RivalWave> rivals_;
 };
 
 }  // namespace nephroid

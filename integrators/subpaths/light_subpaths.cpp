@@ -1,4 +1,4 @@
-#include "integrators/bdpt/light_subpaths.h"
+#include "integrators/subpaths/light_subpaths.h"
 
 #include <algorithm>
 
@@ -16,14 +16,19 @@ constexpr uint32_t light_seed_salt = 0x2c1b3c6dU;
 
 }  // namespace
 
-LightSubpaths::LightSubpaths(const BdptContext& context)
+LightSubpaths::LightSubpaths(const LightTracing& context)
     : context_(context),
       tracer_(context.render),
       emissions_(max_slots_per_block),
       emitted_(max_slots_per_block),
       shadows_(max_slots_per_block),
       film_x_(max_slots_per_block),
-      film_y_(max_slots_per_block) {}
+      film_y_(max_slots_per_block) {
+    if (context.guide == nullptr) return;
+    guide_ = context.guide->make_worker();
+    least_guided_alpha_ = context.guide->least_alpha();
+    back_.emplace(max_slots_per_block);
+}
 
 void LightSubpaths::trace(const SampleBlock& block, SampleBuffer& samples) {
     stored_.vertices.clear();
@@ -35,34 +40,48 @@ void LightSubpaths::trace(const SampleBlock& block, SampleBuffer& samples) {
         tracer_.trace(false);
         find_vertices(bounce);
         if (tracer_.vertices.count == 0) break;
-        connect_to_camera();
-        add_splats(samples);
+        if (guide_) ask_guide();
+        if (bounce > 0 || context_.connections) {
+            connect_to_camera();
+            add_splats(samples);
+        }
         if (bounce + 1 == max_depth) break;
-        store_vertices(bounce);
+        if (context_.connections) store_vertices(bounce);
         const uint32_t dimension = first_scattering + 2 * bounce;
-        tracer_.scatter<Transport::importance>(bounce, dimension, dimension + 1, emitted_);
+        tracer_.scatter<Transport::importance>(
+            {bounce, dimension, dimension + 1, emitted_, context_.connections, guide_ ? &*back_ : nullptr});
     }
 }
 
+// Light paths are spread evenly over the samples of the block: parts of a block may be dropped. They count as many
+// times as there are samples for each.
 void LightSubpaths::start(const SampleBlock& block) {
-    const size_t slots = block.slot_count();
+    constexpr uint32_t tile_pixels = uint32_t{tile_size} * tile_size;
     const uint32_t tile_seed = hash_combine(
         pixel_seed(static_cast<uint32_t>(block.tile_x), static_cast<uint32_t>(block.tile_y), context_.render.seed),
         light_seed_salt);
+    slots_.clear();
     for (uint32_t s = 0; s < block.sample_count; ++s) {
-        for (uint32_t p = 0; p < block.pixel_count; ++p) {
-            const size_t slot = size_t{s} * block.pixel_count + p;
-            const uint32_t pixel = block.pixel_y[p] * uint32_t{tile_size} + block.pixel_x[p];
+        const uint32_t first_index = (block.first_sample + s) * (tile_pixels / context_.one_in);
+        for (uint32_t p = 0; p < block.pixel_count; p += context_.one_in) {
+            const uint32_t slot = s * block.pixel_count + p;
             tracer_.seeds[slot] = tile_seed;
-            tracer_.indices[slot] = (block.first_sample + s) * uint32_t{tile_size * tile_size} + pixel;
+            tracer_.indices[slot] = first_index + p / context_.one_in;
+            slots_.push_back(slot);
         }
     }
+    const uint32_t paths_per_sample = (block.pixel_count + context_.one_in - 1) / context_.one_in;
+    const float weight = static_cast<float>(block.pixel_count) / static_cast<float>(paths_per_sample);
     tracer_.paths.rays.count = 0;
     const SamplerKind sampler = context_.render.sampler;
+    const size_t count = slots_.size();
     alignas(simd_alignment) float u[5][simd_width];
-    for (size_t first = 0; first < slots; first += simd_width) {
-        const UintV seed(&tracer_.seeds[first], stdx::vector_aligned);
-        const UintV index(&tracer_.indices[first], stdx::vector_aligned);
+    slots_.resize((slots_.size() + simd_width - 1) / simd_width * simd_width, slots_.back());
+    for (size_t first = 0; first < count; first += simd_width) {
+        const UintV slot(&slots_[first], stdx::element_aligned);
+        const auto active = first_lanes(count - first);
+        const UintV seed = gather(tracer_.seeds.data(), slot, active);
+        const UintV index = gather(tracer_.indices.data(), slot, active);
         const auto [position_x, position_y] = sample_2d(sampler, seed, index, emission_position);
         const auto [direction_x, direction_y] = sample_2d(sampler, seed, index, emission_direction);
         sample_1d(sampler, seed, index, light_choice).copy_to(u[0], stdx::vector_aligned);
@@ -70,9 +89,12 @@ void LightSubpaths::start(const SampleBlock& block) {
         position_y.copy_to(u[2], stdx::vector_aligned);
         direction_x.copy_to(u[3], stdx::vector_aligned);
         direction_y.copy_to(u[4], stdx::vector_aligned);
-        for (size_t slot = first; slot < std::min(first + simd_width, slots); ++slot) {
-            const size_t lane = slot - first;
-            add_path(slot, context_.emission.sample(u[0][lane], {u[1][lane], u[2][lane]}, {u[3][lane], u[4][lane]}));
+        for (size_t i = first; i < std::min(first + simd_width, count); ++i) {
+            const size_t lane = i - first;
+            EmissionSample emission =
+                context_.emission.sample(u[0][lane], {u[1][lane], u[2][lane]}, {u[3][lane], u[4][lane]});
+            emission.weight *= weight;
+            add_path(slots_[i], emission);
         }
     }
 }
@@ -149,6 +171,20 @@ void LightSubpaths::store_vertices(uint32_t bounce) {
     }
 }
 
+// Density with which camera paths would choose the direction that the light has come from.
+void LightSubpaths::ask_guide() {
+    const VertexWave& vertices = tracer_.vertices;
+    GuideBatch& batch = *back_;
+    batch.count = vertices.count;
+    for (size_t k = 0; k < vertices.count; ++k) {
+        const bool narrow = vertices.alpha[k] < least_guided_alpha_ && vertices.metallic[k] >= 1.0F;
+        batch.fraction[k] = narrow ? 0.0F : 1.0F;
+        batch.u_choice[k] = 1.0F;  // Keeps the direction as it is.
+        batch.direction.set(k, vertices.wo.get(k));
+    }
+    guide_->guide({vertices.position, vertices.geometric_normal, vertices.wo}, batch);
+}
+
 // Strategy t = 1: rays from the vertices to the camera, with the radiance of the pixel that they bring.
 NEPHROID_FLATTEN void LightSubpaths::connect_to_camera() {
     const VertexWave& vertices = tracer_.vertices;
@@ -171,7 +207,8 @@ NEPHROID_FLATTEN void LightSubpaths::connect_to_camera() {
         const BsdfEvaluation<FloatV> bsdf =
             evaluate_bsdf(vertices.bsdf(k), frame.to_local(view.wi), frame.to_local(back));
         const FloatV density = view.pixel_density * cosine;
-        const FloatV weight = mis_weight_camera(tracer_.sums.load(k), density, context_.light_paths, bsdf.pdf) *
+        const FloatV back_pdf = guide_ ? mixed_pdf(*back_, k, bsdf.pdf, back_->pdf) : bsdf.pdf;
+        const FloatV weight = mis_weight_camera(tracer_.sums.load(k), density, context_.light_paths, back_pdf) *
                               density / maximum(dot(normal, back), FloatV(mis_floor));
         const Triple<FloatV> contribution = vertices.throughput.load(k) * bsdf.value * weight;
         // "Not zero" rather than "positive": a non-finite contribution must arrive where it is counted.

@@ -1,4 +1,4 @@
-#include "integrators/bdpt/subpath_tracer.h"
+#include "integrators/subpaths/subpath_tracer.h"
 
 namespace nephroid {
 
@@ -86,8 +86,7 @@ NEPHROID_FLATTEN void SubpathTracer::carry_sums() {
 }
 
 template <Transport transport>
-NEPHROID_FLATTEN void SubpathTracer::scatter(uint32_t bounce, uint32_t lobe_dimension, uint32_t direction_dimension,
-                                             const AlignedArray<float>& reference) {
+NEPHROID_FLATTEN void SubpathTracer::scatter(const Scattering& how) {
     const FloatV zero(0.0F), one(1.0F);
     const FloatV infinity(std::numeric_limits<float>::infinity());
     RayBatch& rays = paths.rays;
@@ -97,8 +96,8 @@ NEPHROID_FLATTEN void SubpathTracer::scatter(uint32_t bounce, uint32_t lobe_dime
         const auto active = first_lanes(vertices.count - k);
         const UintV seed = gather(seeds.data(), slot, active);
         const UintV index = gather(indices.data(), slot, active);
-        const auto [u_lobe, u_roulette] = sample_2d(context_.sampler, seed, index, lobe_dimension);
-        const auto [u, v] = sample_2d(context_.sampler, seed, index, direction_dimension);
+        const auto [u_lobe, u_roulette] = sample_2d(context_.sampler, seed, index, how.lobe_dimension);
+        const auto [u, v] = sample_2d(context_.sampler, seed, index, how.direction_dimension);
         const Frame<FloatV> frame = make_frame(vertices.shading_normal.load(k));
         const Triple<FloatV> normal = vertices.geometric_normal.load(k);
         const Triple<FloatV> local_wo = frame.to_local(vertices.wo.load(k));
@@ -113,25 +112,28 @@ NEPHROID_FLATTEN void SubpathTracer::scatter(uint32_t bounce, uint32_t lobe_dime
             const FloatV back = dot(normal, vertices.wo.load(k));
             weight = weight * (local_wo.z * cosine / maximum(sample.wi.z * back, FloatV(mis_floor)));
         }
-        const FloatV scale = one / gather(reference.data(), slot, active);
+        const FloatV scale = one / gather(how.reference.data(), slot, active);
         FloatV survival = one;
-        if (bounce + 1 > bdpt_roulette_start) {
+        if (how.bounce + 1 > bdpt_roulette_start) {
             survival = minimum(one, maximum(FloatV(bdpt_least_survival), max_component(weight) * scale));
             weight = weight * (one / survival);
         }
         const auto lives = active && (u_roulette < survival) && (max_component(weight) > zero) && (cosine > zero);
-        const FloatV reverse_pdf = evaluate_bsdf(bsdf, sample.wi, local_wo).pdf;
+        FloatV reverse_pdf = evaluate_bsdf(bsdf, sample.wi, local_wo).pdf;
+        if (how.other_side != nullptr) reverse_pdf = mixed_pdf(*how.other_side, k, reverse_pdf, how.other_side->pdf);
+        MisSums<FloatV> after = mis_scatter(sums.load(k), cosine, sample.pdf, reverse_pdf, sample.delta);
+        if (!how.connections) after.connect = zero;
         append_rays(rays, offset_ray_origin(vertices.position.load(k), vertices.error.load(k), normal, wi), wi,
                     infinity, lives);
         paths.throughput.append(rays.count, weight, lives);
-        path_sums.append(rays.count, mis_scatter(sums.load(k), cosine, sample.pdf, reverse_pdf, sample.delta), lives);
+        path_sums.append(rays.count, after, lives);
         compress_store(&paths.slot[rays.count], slot, lives);
         compress_store(&paths.flags[rays.count], UintV(&vertices.flags[k], stdx::vector_aligned), lives);
         rays.count += count_of(lives);
     }
 }
 
-template void SubpathTracer::scatter<Transport::radiance>(uint32_t, uint32_t, uint32_t, const AlignedArray<float>&);
-template void SubpathTracer::scatter<Transport::importance>(uint32_t, uint32_t, uint32_t, const AlignedArray<float>&);
+template void SubpathTracer::scatter<Transport::radiance>(const Scattering&);
+template void SubpathTracer::scatter<Transport::importance>(const Scattering&);
 
 }  // namespace nephroid

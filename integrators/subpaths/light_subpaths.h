@@ -1,16 +1,19 @@
-// Light sub-paths of a block: one per sample. Their vertices are stored for connections, and every one that the camera
-// sees is splatted.
+// Light sub-paths of a block. Every vertex that the camera sees is splatted; where connections are made, vertices are
+// stored for them.
 #pragma once
 
-#include "integrators/bdpt/subpath_tracer.h"
+#include <memory>
+#include <optional>
+
+#include "integrators/subpaths/subpath_tracer.h"
 
 namespace nephroid {
 
 class LightSubpaths {
   public:
-    explicit LightSubpaths(const BdptContext& context);
+    explicit LightSubpaths(const LightTracing& context);
 
-    /// Traces the light sub-paths of the block's slots and adds what the camera sees of them to samples.splats.
+    /// Traces the light sub-paths of the block and adds what the camera sees of them to samples.splats.
     void trace(const SampleBlock& block, SampleBuffer& samples);
     const LightVertices& vertices() const { return stored_; }
     uint64_t ray_count() const { return tracer_.ray_count() + shadow_ray_count_; }
@@ -22,12 +25,17 @@ class LightSubpaths {
     void start_sums();
     void set_flags(uint32_t bounce);
     void store_vertices(uint32_t bounce);
+    void ask_guide();
     void connect_to_camera();
     void add_splats(SampleBuffer& samples);
 
-    const BdptContext& context_;
+    const LightTracing& context_;
     SubpathTracer tracer_;
     LightVertices stored_;
+    std::unique_ptr<GuideWorker> guide_;     ///< Of camera paths; null: not guided.
+    std::optional<GuideBatch> back_;         ///< What it would do at the vertices of the wave, towards `wo`.
+    float least_guided_alpha_ = 0.0F;        ///< DirectionalGuide::least_alpha.
+    std::vector<uint32_t> slots_;            ///< Those with a light path.
     std::vector<EmissionSample> emissions_;  ///< Per slot.
     AlignedArray<float> emitted_;            ///< Per slot: largest component of the weight.
     ShadowWave shadows_;

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "integrators/bdpt/bdpt_waves.h"
+#include "integrators/subpaths/light_tracing.h"
 
 namespace nephroid {
 
@@ -13,6 +13,15 @@ inline constexpr float bdpt_least_survival = 0.05F;
 
 /// Which way light runs along the sub-path.
 enum class Transport : uint8_t { radiance, importance };
+
+/// How a wave of vertices scatters.
+struct Scattering {
+    uint32_t bounce;  ///< Scatterings before.
+    uint32_t lobe_dimension, direction_dimension;
+    const AlignedArray<float>& reference;    ///< Per slot: the throughput that roulette judges is relative to it.
+    bool connections = true;                 ///< LightTracing::connections.
+    const GuideBatch* other_side = nullptr;  ///< Of paths the other way around, towards `wo`; null: not guided.
+};
 
 class SubpathTracer {
   public:
@@ -27,11 +36,9 @@ class SubpathTracer {
     /// Sums from the last scattering carried to the vertices; not for first vertices.
     void carry_sums();
 
-    /// A direction at every vertex with its throughput, roulette and sums; the survivors become the next rays. Sample
-    /// dimensions `lobe` and `direction`. The throughput that roulette judges is relative to `reference[slot]`.
+    /// A direction at every vertex with its throughput, roulette and sums; the survivors become the next rays.
     template <Transport transport>
-    void scatter(uint32_t bounce, uint32_t lobe_dimension, uint32_t direction_dimension,
-                 const AlignedArray<float>& reference);
+    void scatter(const Scattering& how);
 
     uint64_t ray_count() const { return ray_count_; }
 

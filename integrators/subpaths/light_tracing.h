@@ -1,21 +1,28 @@
-// The state of waves of sub-paths: the path tracer's, and what bidirectional weights need.
+// What is needed to follow light from the lights to the camera, and to weigh that against paths from the camera: shared
+// settings, and the state of waves of sub-paths beyond the path tracer's.
 #pragma once
 
 #include "core/camera.h"
 #include "core/light_emission.h"
-#include "integrators/bdpt/mis_recursion.h"
+#include "guiding/directional_guide.h"
 #include "integrators/integrator.h"
 #include "integrators/path/wave.h"
+#include "integrators/subpaths/mis_recursion.h"
 
 namespace nephroid {
 
-/// What all workers share.
-struct BdptContext {
+/// What all workers share. Which strategies make a path decides its weights, and both sides must agree: camera paths
+/// run into lights and sample them at every vertex; light paths are splatted from every vertex.
+struct LightTracing {
     const RenderContext& render;
     LightEmission emission;
     CameraProjection projection;
     PixelRegion crop;   ///< Where splats count.
-    float light_paths;  ///< Per sample of a pixel: Film::light_paths_per_sample.
+    float light_paths;  ///< Per sample of a pixel: light_paths_per_sample / one_in.
+    /// Vertices of both sides are connected too. If not, light sampling alone makes paths of one scattering.
+    bool connections = true;
+    uint32_t one_in = 1;                      ///< Samples for each that brings a light path: a power of two up to 64.
+    const DirectionalGuide* guide = nullptr;  ///< Of camera paths; null: none.
 };
 
 /// MisSums per path.
@@ -42,6 +49,16 @@ struct MisArray {
         connect[i] = sums.connect;
         chain[i] = sums.chain;
     }
+};
+
+/// Of camera paths whose only rivals are splats.
+struct RivalWave {
+    explicit RivalWave(size_t capacity)
+        : path_chain(capacity), sums(capacity), light(capacity), ray_density(capacity) {}
+    PathArray<float> path_chain;   ///< Per path: MisSums::chain past the last scattering.
+    MisArray sums;                 ///< Per vertex.
+    PathArray<uint32_t> light;     ///< Per vertex: the light that was sampled.
+    PathArray<float> ray_density;  ///< Per vertex: of rays emitted the other way around.
 };
 
 /// How light has come to a vertex of a light sub-path, for the caustic layer.
