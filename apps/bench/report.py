@@ -17,11 +17,13 @@ from bench_errors import (HIGHEST_ERROR, LOWEST_ERROR, curve_of, error_map, expo
                           read_exr, tone_mapped)
 from bench_runs import write_text
 
-COLUMNS = [  # key, title, digits, factor
-    ("rmse", "RMSE", 3, 1.0), ("relmse", "relMSE", 3, 1.0), ("relmse_trimmed", "relMSE, worst 0.1 % left out", 3, 1.0),
-    ("flip", "HDR-FLIP", 3, 1.0), ("time_ratio_rmse", "time ratio, RMSE", 3, 1.0),
-    ("time_ratio_relmse_trimmed", "time ratio, trimmed relMSE", 3, 1.0),
-    ("seconds_to_first_rmse", "s to the first's RMSE", 3, 1.0), ("slope", "slope", 2, 1.0),
+# Key, title, digits, factor.
+ERROR_COLUMNS = [
+    ("rmse", "RMSE", 3, 1.0), ("relmse", "relMSE", 3, 1.0), ("relmse_trimmed", "relMSE, trimmed", 3, 1.0),
+    ("flip", "HDR-FLIP", 3, 1.0), ("time_ratio_rmse", "time ratio (RMSE)", 3, 1.0),
+    ("time_ratio_relmse_trimmed", "time ratio (trimmed)", 3, 1.0),
+    ("seconds_to_first_rmse", "s to the first's RMSE", 3, 1.0), ("slope", "slope", 2, 1.0)]
+COST_COLUMNS = [
     ("noise_rmse", "noise", 3, 1.0), ("mean_ratio", "mean / reference's", 4, 1.0), ("spp", "spp", 3, 1.0),
     ("precompute_seconds", "precompute s", 3, 1.0), ("first_pass_seconds", "first pass s", 3, 1.0),
     ("wall_seconds", "wall s", 3, 1.0), ("peak_rss_bytes", "peak MiB", 3, 2.0 ** -20)]
@@ -31,7 +33,9 @@ LOWER_WINS = ("rmse", "relmse", "relmse_trimmed", "flip")
 def number(value: float | None, digits: int) -> str:
     if value is None or not math.isfinite(value):
         return "–"
-    if value != 0.0 and not 1e-4 <= abs(value) < 1e5:
+    if 0.0 < abs(value) < 5e-5:
+        return "< 1e-4" if value > 0.0 else f"{value:.0e}"
+    if abs(value) >= 1e5:
         return f"{value:.{digits - 1}e}"
     return f"{value:#.{digits}g}".rstrip(".")
 
@@ -58,11 +62,12 @@ def median_of(entry: dict, key: str) -> float | None:
 
 def markdown(results: dict) -> str:
     lines = [headline(results), ""]
-    titles = ["scene", "method", "runs", *(title for _, title, _, _ in COLUMNS)]
+    columns = ERROR_COLUMNS + COST_COLUMNS
+    titles = ["scene", "method", "runs", *(title for _, title, _, _ in columns)]
     lines += ["| " + " | ".join(titles) + " |", "|" + "---|" * len(titles)]
     for entry in results["summaries"]:
         cells = []
-        for key, _, digits, factor in COLUMNS:
+        for key, _, digits, factor in columns:
             middle, interval = parts(entry.get(key), digits, factor)
             cells.append(f"{middle} ({interval})" if interval else middle)
         failed = f", {len(entry['failures'])} FAILED" if entry["failures"] else ""
@@ -98,20 +103,20 @@ def warnings(results: dict) -> list[str]:
 
 # ---- HTML
 
-def table(entries: list[dict]) -> str:
+def table(entries: list[dict], columns: list) -> str:
     best = {key: min((median_of(entry, key) for entry in entries if median_of(entry, key) is not None), default=None)
             for key in LOWER_WINS}
     rows = []
     for entry in entries:
         cells = [f"<td>{html.escape(entry['method'])}</td>"]
-        for key, _, digits, factor in COLUMNS:
+        for key, _, digits, factor in columns:
             middle, interval = parts(entry.get(key), digits, factor)
             mark = ' class="best"' if key in best and best[key] is not None and median_of(entry, key) == best[key] else ""
             cells.append(f"<td{mark}>{middle}{f'<small>{interval}</small>' if interval else ''}</td>")
         failed = f'<small class="failed">{len(entry["failures"])} failed</small>' if entry["failures"] else ""
         cells.insert(1, f"<td>{entry['runs']}{failed}</td>")
         rows.append(f"<tr>{''.join(cells)}</tr>")
-    heads = "".join(f"<th>{html.escape(title)}</th>" for title in ["method", "runs", *(c[1] for c in COLUMNS)])
+    heads = "".join(f"<th>{html.escape(title)}</th>" for title in ["method", "runs", *(c[1] for c in columns)])
     return f'<div class="scroll"><table><thead><tr>{heads}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'
 
 
@@ -177,8 +182,8 @@ class SceneReport:
         entries = [entry for entry in self.results["summaries"] if entry["scene"] == self.scene]
         name = html.escape(self.scene)
         return (f'<section id="{name}"><h2>{name}</h2><p class="soft">{html.escape(description(self.scene))} '
-                f'{html.escape(reference_text(self.entry))}</p>{table(entries)}<div id="viewer-{name}"></div>'
-                f'<div class="curves">{self.curves()}</div></section>')
+                f'{html.escape(reference_text(self.entry))}</p>{table(entries, ERROR_COLUMNS)}<div id="viewer-{name}"></div>'
+                f'<div class="curves">{self.curves()}</div>{table(entries, COST_COLUMNS)}</section>')
 
     def data(self) -> dict:
         """What the page's script shows: seed 0 (or the first that succeeded) of every method, and the reference."""
