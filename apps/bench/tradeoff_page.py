@@ -99,8 +99,8 @@ def draw(sweep: dict, path: str) -> None:
         if logarithmic:
             axis.set_xscale("log")
         else:
-            axis.set_xticks(range(len(values)), values)
-        if middles and min(middles) > 0.0:
+            axis.set_xticks(range(len(values)), values, rotation=45 if len(values) > 4 else 0)
+        if "relmse" in key and middles and min(middles) > 0.0:
             axis.set_yscale("log")
         axis.set(xlabel=sweep["knob"], title=title)
         axis.title.set_fontsize(10)
