@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """After Figure 14 of Li et al. 2022, their failure case: nearly specular metal (alpha 0.001) with complex normals.
 
-A hammered plane: dents of 6 to 30 cm over one another turn the normal by 7 degrees (RMS), to and fro, so that one representative path in each leaf of the search misses many others.
+A hammered plane: dents of 6 to 30 cm over one another turn the normal by 7 degrees (RMS), to and fro, so that each
+point of the floor gets light by many paths that change within centimetres.
 """
 
 import math

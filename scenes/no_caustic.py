@@ -41,7 +41,8 @@ def build() -> GltfBuilder:
         builder.add_node(name, mesh=builder.add_mesh(name, geometry, material))
     window = quad((-2.2, 0.9, 1.2), (0, 0, -2.4), (0, 1.6, 0))
     builder.add_node("window", mesh=builder.add_mesh("window", window, glow))
-    builder.add_node("ball", translation=(-0.45, 0.5, -0.3), mesh=builder.add_mesh("ball", sphere(0.498, 64, 32), metal))
+    builder.add_node("ball", translation=(-0.45, 0.5, -0.3),
+                     mesh=builder.add_mesh("ball", sphere(0.498, 64, 32), metal))
     builder.add_node("torus", translation=(0.65, 0.17, 0.45),
                      mesh=builder.add_mesh("torus", torus(0.42, 0.165), coated))
     builder.add_node("block", translation=(1.0, 0.001, -0.7), rotation=(0.0, 0.2588190451, 0.0, 0.9659258263),

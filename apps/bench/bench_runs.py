@@ -1,4 +1,4 @@
-"""Runs of `render` for the benchmark scripts: methods, scenes, references, resumption, progress. Standard library only."""
+"""Runs of `render` for the benchmark scripts: methods, scenes, references, resumption, progress."""
 
 from __future__ import annotations
 

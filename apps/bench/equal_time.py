@@ -9,8 +9,8 @@ a change of the machine's load meets all of them; wall time counts from the proc
 precomputation and writing. Everything else (depth, sampler, filter, threads) is alike for all.
 
 References come from scenes/references or the folder, or are rendered with --reference-method. Runs that the folder
-holds already, with the same settings, executable and scene, are not repeated; failed ones are. Writes FOLDER/results.json
-and FOLDER/report.html, and the table on standard output. Exit code 1 if a run failed: tables and report name it.
+holds already, with the same settings, executable and scene, are not repeated; failed ones are. Writes results.json and
+report.html to the folder, and the table to standard output. Exit code 1 if a run failed: tables and report name it.
 docs/benchmark.md explains the columns.
 """
 

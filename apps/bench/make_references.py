@@ -3,9 +3,9 @@
 
 Usage: make_references.py [--scenes all] [--time 3600] [--integrators guided,bdpt:emission=casters] [--chunks 8]
 
-Each integrator renders each scene for --time seconds, in --chunks runs of other seeds, which take turns. Where the means
-of blocks of 16x16 pixels differ significantly (Welch's t-test over the runs, Sidak correction over blocks and channels,
-0.1 % for a whole scene), the two disagree: exit code 1, and the picture stays in the work folder. Otherwise the mean of
+Each integrator renders each scene for --time seconds, in --chunks runs of other seeds, which take turns. Where the
+means of blocks of 16x16 pixels differ significantly (Welch's t-test over the runs, Sidak correction over blocks and
+channels, 0.1 % for a whole scene), the two disagree: exit code 1, and the picture stays in the work folder. Otherwise the mean of
 both, weighted by their precision over the whole picture, goes to scenes/references/SCENE.WIDTHxHEIGHT.exr as 16-bit
 floats, with a .json that tells how it was made and how large its own standard error is.
 
@@ -110,8 +110,8 @@ def disagreements(first: numpy.ndarray, second: numpy.ndarray) -> tuple[list[str
             smallest = min(smallest, p)
             if p < threshold:
                 y, x = divmod(block, columns)
-                lines.append(f"{'RGB'[channel]} of the block at {x * BLOCK},{y * BLOCK}: {numpy.mean(values[0]):.5g} and "
-                             f"{numpy.mean(values[1]):.5g}, {difference / error:.1f} standard errors")
+                lines.append(f"{'RGB'[channel]} of the block at {x * BLOCK},{y * BLOCK}: {numpy.mean(values[0]):.5g} "
+                             f"and {numpy.mean(values[1]):.5g}, {difference / error:.1f} standard errors")
     return lines, min(1.0, smallest * 3 * blocks)
 
 

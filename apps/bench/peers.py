@@ -10,9 +10,9 @@ differ from ours however long they take: the column "noise" (spread over the see
 little, of mirrors in mirrors nothing.
 
 Each run is a process of its own that renders passes, of one more sample each at first and then of about a tenth of the
-time, until the time is over, counted from the process's start. Errors are measured against the same references as
-equal_time.py's: run that first, or let this render them. Writes FOLDER/results.json; show it with
-`equal_time.py --with FOLDER/results.json` and the same --time, --size and --scenes. Runs that are done are not repeated.
+time, until the time is over, counted from the process's start. Errors are measured against references as
+equal_time.py's, of scenes/references or of the folder, or are rendered. Writes FOLDER/results.json; show it with
+`equal_time.py --with FOLDER/results.json` and the same --time, --size and --scenes. Finished runs are not repeated.
 """
 
 from __future__ import annotations
@@ -135,7 +135,8 @@ def parse_arguments():
     parser.add_argument("--integrators", type=parse_integrators, default="path,ptracer", metavar="A,B",
                         help="default: path,ptracer")
     parser.add_argument("--seeds", type=positive_count, default=5, help="how many (default: 5)")
-    parser.add_argument("--variant", default="scalar_rgb", help="of Mitsuba; llvm_ad_rgb needs LLVM (default: scalar_rgb)")
+    parser.add_argument("--variant", default="scalar_rgb", metavar="NAME",
+                        help="of Mitsuba; llvm_ad_rgb needs LLVM (default: scalar_rgb)")
     add_common_options(parser, os.path.join("build", "peers"))
     add_reference_options(parser)
     return parser.parse_args()

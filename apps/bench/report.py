@@ -95,6 +95,9 @@ def warnings(results: dict) -> list[str]:
         nonfinite = entry.get("nonfinite_samples")
         if nonfinite and nonfinite["highest"] > 0:
             lines.append(f"note: {where}: up to {nonfinite['highest']:.0f} non-finite samples left out")
+        wall = entry.get("wall_seconds")
+        if wall and wall["highest"] > results["seconds"] + max(1.0, 0.05 * results["seconds"]):
+            lines.append(f"note: {where}: took up to {wall['highest']:.1f} s where {results['seconds']:g} s were given")
         own = (results["references"].get(entry["scene"], {}).get("made") or {}).get("standard_error_rmse")
         if own and "rmse" in entry and entry["rmse"]["median"] < 3.0 * own:
             lines.append(f"note: {where}: the reference's own standard error, {own:.3g}, is no longer small")
@@ -111,7 +114,8 @@ def table(entries: list[dict], columns: list) -> str:
         cells = [f"<td>{html.escape(entry['method'])}</td>"]
         for key, _, digits, factor in columns:
             middle, interval = parts(entry.get(key), digits, factor)
-            mark = ' class="best"' if key in best and best[key] is not None and median_of(entry, key) == best[key] else ""
+            middle_value = median_of(entry, key)
+            mark = ' class="best"' if middle_value is not None and middle_value == best.get(key) else ""
             cells.append(f"<td{mark}>{middle}{f'<small>{interval}</small>' if interval else ''}</td>")
         failed = f'<small class="failed">{len(entry["failures"])} failed</small>' if entry["failures"] else ""
         cells.insert(1, f"<td>{entry['runs']}{failed}</td>")
@@ -127,13 +131,15 @@ def overview(results: dict, scenes: list[str]) -> str:
     for key, title in [("rmse", "RMSE"), ("relmse_trimmed", "relMSE without the worst 0.1 % of pixels")]:
         rows = []
         for scene in scenes:
-            values = {entry["method"]: median_of(entry, key) for entry in results["summaries"] if entry["scene"] == scene}
+            of_scene = [entry for entry in results["summaries"] if entry["scene"] == scene]
+            values = {entry["method"]: median_of(entry, key) for entry in of_scene}
             known = [value for value in values.values() if value is not None]
-            cells = "".join(f'<td{best_mark(values.get(name), known)}>{number(values.get(name), 3)}</td>' for name in names)
+            cells = "".join(f'<td{best_mark(values.get(name), known)}>{number(values.get(name), 3)}</td>'
+                            for name in names)
             rows.append(f'<tr><td><a href="#{html.escape(scene)}">{html.escape(scene)}</a></td>{cells}</tr>')
         heads = "".join(f"<th>{html.escape(name)}</th>" for name in names)
-        blocks.append(f"<h3>{title}, medians</h3><div class='scroll'><table><thead><tr><th>scene</th>{heads}</tr></thead>"
-                      f"<tbody>{''.join(rows)}</tbody></table></div>")
+        blocks.append(f"<h3>{title}, medians</h3><div class='scroll'><table><thead><tr><th>scene</th>{heads}</tr>"
+                      f"</thead><tbody>{''.join(rows)}</tbody></table></div>")
     return f'<section id="overview"><h2>Overview</h2>{"".join(blocks)}{failures(results)}</section>'
 
 
@@ -182,7 +188,8 @@ class SceneReport:
         entries = [entry for entry in self.results["summaries"] if entry["scene"] == self.scene]
         name = html.escape(self.scene)
         return (f'<section id="{name}"><h2>{name}</h2><p class="soft">{html.escape(description(self.scene))} '
-                f'{html.escape(reference_text(self.entry))}</p>{table(entries, ERROR_COLUMNS)}<div id="viewer-{name}"></div>'
+                f'{html.escape(reference_text(self.entry))}</p>{table(entries, ERROR_COLUMNS)}'
+                f'<div id="viewer-{name}"></div>'
                 f'<div class="curves">{self.curves()}</div>{table(entries, COST_COLUMNS)}</section>')
 
     def data(self) -> dict:
@@ -277,17 +284,9 @@ def interesting_crop(pictures: list[numpy.ndarray], reference: numpy.ndarray) ->
     return int(left), int(top), int(left) + columns, int(top) + rows
 
 
-def notes(results: dict) -> str:
-    methods = "".join(f"<li>{html.escape(method['name'])}: <code>{html.escape(' '.join(method['options']))}</code></li>"
-                      for method in results["methods"])
-    return (f"<section id='notes'><h2>How to read this</h2><ul>{methods}</ul>"
-            "<p>RMSE is over all pixels and channels. relMSE = mean((x - r)² / (r² + 0.01)). Heavy tails make RMSE a matter of "
-            "luck; the trimmed relMSE is steadier, but flatters a method that rarely finds the caustic and misses its energy: "
-            "then mean / reference's falls below 1. Time ratio: how many times longer the first method would need for the same "
-            "error if RMSE falls with the square root of time; \"s to the first's RMSE\" is read off the curves instead. Slope: "
-            "of log RMSE over the log of the time since rendering began. Noise: the RMSE that the spread over seeds explains, "
-            "without a reference. Precompute, spp and memory are the renderer's own figures; wall seconds count from the "
-            "process's start to its end.</p></section>")
+def methods_of(results: dict) -> str:
+    return "".join(f"<li>{html.escape(method['name'])}: <code>{html.escape(' '.join(method['options']))}</code></li>"
+                   for method in results["methods"])
 
 
 def write_report(results: dict, out: str, path: str, crop=None) -> None:
@@ -299,9 +298,11 @@ def write_report(results: dict, out: str, path: str, crop=None) -> None:
     reports = [SceneReport(results, scene, out, crop) for scene in scenes]
     with open(os.path.join(BENCH_FOLDER, "report_template.html"), encoding="utf-8") as file:
         page = file.read()
-    links = "".join(f'<a href="#{html.escape(name)}">{html.escape(name)}</a>' for name in ["overview", *scenes, "notes"])
+    links = "".join(f'<a href="#{html.escape(name)}">{html.escape(name)}</a>'
+                    for name in ["overview", *scenes, "notes"])
     fillings = {"SUMMARY": f'<p class="soft">{html.escape(headline(results))}</p>', "LINKS": links,
                 "OVERVIEW": overview(results, scenes), "SECTIONS": "".join(report.html() for report in reports),
-                "NOTES": notes(results), "GRADIENT": gradient(), "LOW": f"{LOWEST_ERROR:g}", "HIGH": f"{HIGHEST_ERROR:g}",
+                "METHODS": methods_of(results), "GRADIENT": gradient(), "LOW": f"{LOWEST_ERROR:g}",
+                "HIGH": f"{HIGHEST_ERROR:g}",
                 "DATA": json.dumps([report.data() for report in reports]).replace("</", "<\\/")}
     write_text(path, re.sub(r"@([A-Z]+)@", lambda match: fillings[match[1]], page))

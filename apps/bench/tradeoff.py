@@ -7,8 +7,8 @@ Usage: tradeoff.py [--scenes ring,bumpy_plane,two_mirrors] [--knobs all] [--time
 Each knob is swept with everything else at its default. Runs of all values take turns inside a seed. "Equal spp" runs
 stop at --spp samples, "equal time" runs at --time seconds from the process's start. The knobs `alpha` (width of the
 caster's lobe) and `light_radius` (metres) change the scene: each value has its own scene and reference in the folder,
-and `path` is measured beside `guided`; scenes without a generator that takes --alpha, or without a point light, are left
-out there, and said so. Writes FOLDER/tradeoff.json, one PNG per knob and scene, and a Markdown table on standard output.
+and `path` is measured beside `guided`; scenes without a generator that takes --alpha, or without a point light, are
+left out there, and said so. Writes FOLDER/tradeoff.json, one PNG per knob and scene, and Markdown to standard output.
 Runs that are done are not repeated; a failed one is reported, and the exit code is 1 then.
 """
 

@@ -9,12 +9,13 @@ from report import number, parts
 
 PAGE_HEAD = """# What the settings of `guided` trade
 
-{size} pixels, {seeds} seeds, medians (intervals in brackets). "Equal spp": {spp} samples a pixel, however long they take;
-"equal time": {seconds} s of wall time from the process's start, precomputation included. One setting changes at a time, the
-others keep their defaults. trimmed: relMSE without the worst 0.1 % of the pixels. Lower is better everywhere but in spp.
+{size} pixels, {seeds} seeds, medians (intervals in brackets). "Equal spp": {spp} samples a pixel, however long they
+take; "equal time": {seconds} s of wall time from the process's start, precomputation included. One setting changes at a
+time, the others keep their defaults. trimmed: relMSE without the worst 0.1 % of the pixels. Lower is better everywhere
+but in spp. `path` is measured where the scene changes.
 
-Written by `python3 apps/bench/tradeoff.py --page docs/tradeoffs.md` from the results of `python3 apps/bench/tradeoff.py`;
-docs/benchmark.md explains both.
+Written by `python3 apps/bench/tradeoff.py --page docs/tradeoffs.md` from the results of
+`python3 apps/bench/tradeoff.py`; docs/benchmark.md explains both.
 """
 COLUMNS = [  # title, equal, key, factor
     ("precompute s", "spp", "precompute_seconds", 1.0), ("guide MiB", "spp", "guide_bytes", 2.0 ** -20),
@@ -51,8 +52,8 @@ def table(sweep: dict) -> str:
                      for _, equal, key, factor in COLUMNS]
             lines.append("| " + " | ".join(head + cells) + " |")
     for point in sweep["points"]:
-        lines += [f"\nFAILED: {sweep['knob']}={point['value']}, {point['integrator']}, equal {point['equal']}: {failure}"
-                  for failure in dict.fromkeys(point["failures"])]
+        where = f"{sweep['knob']}={point['value']}, {point['integrator']}, equal {point['equal']}"
+        lines += [f"\nFAILED: {where}: {failure}" for failure in dict.fromkeys(point["failures"])]
     return "\n".join(lines)
 
 
@@ -170,7 +171,8 @@ def write_page(results: dict, path: str) -> None:
     folder = os.path.dirname(os.path.abspath(path))
     names = draw_all(results, folder, "tradeoff_")
     size = "x".join(map(str, results["size"]))
-    sections = [PAGE_HEAD.format(size=size, seeds=results["seeds"], spp=results["spp"], seconds=f"{results['seconds']:g}")]
+    sections = [PAGE_HEAD.format(size=size, seeds=results["seeds"], spp=results["spp"],
+                                 seconds=f"{results['seconds']:g}")]
     for knob in dict.fromkeys(sweep["knob"] for sweep in results["sweeps"]):
         own = [sweep for sweep in results["sweeps"] if sweep["knob"] == knob]
         default = f" Default: {own[0]['default']}." if own[0]["default"] else ""
