@@ -93,7 +93,8 @@ def build(alpha: float = FIGURE_ALPHA) -> GltfBuilder:
     grey = builder.add_material("background", (0.6, 0.6, 0.6), metallic=0.0, roughness=math.sqrt(BACKGROUND_ALPHA))
     glow = builder.add_material("panel", (0.0, 0.0, 0.0), metallic=0.0, roughness=1.0, specular=0.0,
                                 emission=(0.85, 0.93, 1.0), emission_strength=0.06)
-    wall = quad((-6.0, -0.01, WALL), (12.0, 0.0, 0.0), (0.0, 7.0, 0.0))
+    # It ends before the lamp: right behind that, a bright spot out of sight would light all the rest.
+    wall = quad((-2.7, -0.01, WALL), (8.7, 0.0, 0.0), (0.0, 7.0, 0.0))
     builder.add_node("floor", mesh=builder.add_mesh("floor", floor(6.0), grey))
     builder.add_node("wall", mesh=builder.add_mesh("wall", wall, grey))
     builder.add_node("figure", mesh=builder.add_mesh("figure", merge([figure(), head(), arm(1.0), arm(-1.0)]), bronze))

@@ -13,7 +13,7 @@ SCENES_FOLDER = os.path.join(ROOT, "scenes")
 
 
 def enter(folder: str, requirements: str) -> None:
-    """Goes on in the environment ROOT/folder, made from the requirements file; nothing where that is the present one."""
+    """Goes on in the environment ROOT/folder, made from the requirements; nothing where it is the present one."""
     venv = os.path.join(ROOT, folder)
     python = os.path.join(venv, "bin", "python")
     if os.path.realpath(sys.prefix) == os.path.realpath(venv):

@@ -5,9 +5,9 @@ Usage: make_references.py [--scenes all] [--time 3600] [--integrators guided,bdp
 
 Each integrator renders each scene for --time seconds, in --chunks runs of other seeds, which take turns. Where the
 means of blocks of 16x16 pixels differ significantly (Welch's t-test over the runs, Sidak correction over blocks and
-channels, 0.1 % for a whole scene), the two disagree: exit code 1, and the picture stays in the work folder. Otherwise the mean of
-both, weighted by their precision over the whole picture, goes to scenes/references/SCENE.WIDTHxHEIGHT.exr as 16-bit
-floats, with a .json that tells how it was made and how large its own standard error is.
+channels, 0.1 % for a whole scene), the two disagree: exit code 1, and the picture stays in the work folder. Otherwise
+the mean of both, weighted by their precision over the whole picture, goes to scenes/references as
+SCENE.WIDTHxHEIGHT.exr (16-bit floats), with a .json that tells how it was made and how large its own error is.
 
 A dot is a pixel of one run that has more than half of the light that all runs of both integrators have there; the mean
 of the others takes its place, in that run. The .json counts them. Runs that are done are not repeated.
