@@ -49,8 +49,8 @@ def parts(value, digits: int, factor: float) -> tuple[str, str]:
         return "–", ""
     if value["lowest"] is None or value["lowest"] == value["highest"]:
         return number(middle * factor, digits), ""
-    return (number(middle * factor, digits),
-            f"{number(value['lowest'] * factor, digits)} … {number(value['highest'] * factor, digits)}")
+    ends = [number(value[key] * factor, digits) for key in ("lowest", "highest")]
+    return number(middle * factor, digits), "" if ends[0] == ends[1] else " … ".join(ends)
 
 
 def median_of(entry: dict, key: str) -> float | None:
@@ -78,13 +78,15 @@ def markdown(results: dict) -> str:
 
 def headline(results: dict) -> str:
     time = f"{results['seconds']:g} s of wall time each"
-    return (f"{results['size'][0]}x{results['size'][1]} pixels, {time}, {results['seeds']} seeds; medians "
-            f"(intervals: {interval_text(results)}); time ratios against {results['methods'][0]['name']}")
+    seeds = results["seeds"]
+    return (f"{results['size'][0]}x{results['size'][1]} pixels, {time}, {seeds} seed{'s' if seeds > 1 else ''}"
+            f"{interval_text(results)}; time ratios against {results['methods'][0]['name']}")
 
 
 def interval_text(results: dict) -> str:
-    sure = {f"{100 * entry['rmse']['confidence']:.0f} %" for entry in results["summaries"] if "rmse" in entry}
-    return ", ".join(sorted(sure)) + " confidence" if sure else "no run succeeded"
+    sure = {f"{100 * entry['rmse']['confidence']:.0f} %" for entry in results["summaries"]
+            if "rmse" in entry and entry["rmse"]["count"] > 1}
+    return f"; medians, intervals of {', '.join(sorted(sure))} confidence" if sure else ""
 
 
 def warnings(results: dict) -> list[str]:
