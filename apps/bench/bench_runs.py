@@ -317,9 +317,10 @@ def made_of(arguments, scene: str) -> dict:
 
 
 def reference_for(arguments, scene: str) -> str:
-    """The scene's reference: of scenes/references, of the folder, or rendered now."""
+    """The scene's reference: of scenes/references, of the folder for references, or rendered now into that."""
     wanted = made_of(arguments, scene)
-    for folder in (REFERENCES_FOLDER, os.path.join(arguments.out, "references")):
+    own = arguments.references or os.path.join(arguments.out, "references")
+    for folder in (REFERENCES_FOLDER, own):
         stem = reference_stem(folder, scene, arguments.size)
         if not os.path.exists(stem + ".exr"):
             continue
@@ -332,11 +333,11 @@ def reference_for(arguments, scene: str) -> str:
                 continue
             raise BenchError(f"{stem}.exr: made of another version of the scene or with another depth; delete it")
         return stem + ".exr"
-    return render_reference(arguments, scene, wanted)
+    return render_reference(arguments, scene, wanted, own)
 
 
-def render_reference(arguments, scene: str, wanted: dict) -> str:
-    stem = reference_stem(os.path.join(arguments.out, "references"), scene, arguments.size)
+def render_reference(arguments, scene: str, wanted: dict, folder: str) -> str:
+    stem = reference_stem(folder, scene, arguments.size)
     os.makedirs(os.path.dirname(stem), exist_ok=True)
     method, seconds = arguments.reference_method, arguments.reference_time
     say(f"reference of {scene_name(scene)}: {method.name}, {seconds:g} s")
@@ -348,7 +349,10 @@ def render_reference(arguments, scene: str, wanted: dict) -> str:
     return stem + ".exr"
 
 
-def add_reference_options(parser: argparse.ArgumentParser) -> None:
+def add_reference_options(parser: argparse.ArgumentParser, folder: str | None = None) -> None:
+    """folder: for references, inside the repository, if not in the folder for results."""
+    parser.add_argument("--references", metavar="FOLDER", default=os.path.join(ROOT, folder) if folder else None,
+                        help=f"for references that scenes/references has not (default: {folder or 'OUT/references'})")
     parser.add_argument("--reference-method", type=Method, default=Method("guided"),
                         help="what renders a missing reference (default: guided)")
     parser.add_argument("--reference-time", type=positive_seconds, default=600.0,

@@ -9,9 +9,9 @@ differ from ours however long they take: the column "noise" (spread over the see
 "mean / reference's" tells how large it is. ptracer traces from the lights alone: of surfaces of metal the camera sees
 little, of mirrors in mirrors nothing.
 
-Each run is a process of its own that renders passes, of one more sample each at first and then of about a tenth of the
-time, until the time is over, counted from the process's start. Errors are measured against references as
-equal_time.py's, of scenes/references or of the folder, or are rendered. Writes FOLDER/results.json; show it with
+Each run is a process of its own that renders passes, each as long as all before but no longer than a tenth of the
+time, until the time is over, counted from the process's start. Errors are measured against the references that
+equal_time.py uses; missing ones are rendered. Writes FOLDER/results.json; show it with
 `equal_time.py --with FOLDER/results.json` and the same --time, --size and --scenes. Finished runs are not repeated.
 """
 
@@ -138,7 +138,7 @@ def parse_arguments():
     parser.add_argument("--variant", default="scalar_rgb", metavar="NAME",
                         help="of Mitsuba; llvm_ad_rgb needs LLVM (default: scalar_rgb)")
     add_common_options(parser, os.path.join("build", "peers"))
-    add_reference_options(parser)
+    add_reference_options(parser, os.path.join("build", "equal_time", "references"))
     return parser.parse_args()
 
 
