@@ -4,9 +4,9 @@
 set -eu
 
 packages="g++ cmake ninja-build pkg-config libembree-dev libopenimageio-dev libopenexr-dev libtinygltf-dev libglm-dev
-libtbb-dev libcli11-dev nlohmann-json3-dev libdraco-dev libcgal-dev"
+libtbb-dev libcli11-dev nlohmann-json3-dev libdraco-dev libcgal-dev python3 python3-venv"
 if [ "${1:-}" = --tests ]; then
-    packages="$packages doctest-dev python3 python3-venv"
+    packages="$packages doctest-dev"
 fi
 
 if ! command -v dpkg-query >/dev/null 2>&1 || ! command -v apt-get >/dev/null 2>&1; then

@@ -5,9 +5,9 @@ The inner wall throws the nephroid that the renderer is named after.
 """
 
 import math
-import os
 import sys
 
+from generator import run
 from gltf_writer import GltfBuilder
 from shapes import floor, revolve, rounded_band_profile
 
@@ -15,9 +15,9 @@ RING_ALPHA = 0.005
 FLOOR_ALPHA = 0.5
 
 
-def build() -> GltfBuilder:
+def build(alpha: float = RING_ALPHA) -> GltfBuilder:
     builder = GltfBuilder()
-    gold = builder.add_material("ring", (1.0, 0.78, 0.34), metallic=1.0, roughness=math.sqrt(RING_ALPHA))
+    gold = builder.add_material("ring", (1.0, 0.78, 0.34), metallic=1.0, roughness=math.sqrt(alpha))
     grey = builder.add_material("floor", (0.7, 0.7, 0.7), metallic=0.0, roughness=math.sqrt(FLOOR_ALPHA))
     # 2 mm above the floor, so that no two surfaces lie in one plane.
     profile = rounded_band_profile(inner=1.0, outer=1.09, bottom=0.002, top=0.502, bevel=0.04,
@@ -32,4 +32,4 @@ def build() -> GltfBuilder:
 
 
 if __name__ == "__main__":
-    build().write(sys.argv[1] if len(sys.argv) > 1 else os.path.join(os.path.dirname(__file__), "ring.glb"))
+    sys.exit(run(__file__, __doc__, build, RING_ALPHA))

@@ -231,3 +231,54 @@ def bumpy_arc(radius: float, length: float, first_angle: float, last_angle: floa
         return (r * cosine, r * sine, z), along, [length * by_z * cosine, length * by_z * sine, length]
 
     return sheet(point, columns, rows, closed=abs(span) == 2.0 * math.pi)
+
+
+def traced_sheet(position, columns: int, rows: int, closed: bool = False) -> Geometry:
+    """Like `sheet`, for a surface of which only position(u, v) is known: derivatives are central differences.
+
+    Where closed, position must have the period 1 in u. The ends of v are taken from inside.
+    """
+    step = 1e-4
+
+    def difference(late, early, width):
+        return [(a - b) / width for a, b in zip(late, early)]
+
+    def point(u, v):
+        by_u = difference(position(u + step, v), position(u - step, v), 2.0 * step)
+        low, high = max(v - step, 0.0), min(v + step, 1.0)
+        return position(u, v), by_u, difference(position(u, high), position(u, low), high - low)
+
+    return sheet(point, columns, rows, closed)
+
+
+def ellipsoid(centre, radii, columns: int, rows: int) -> Geometry:
+    """An ellipsoid with its axes along X, Y and Z, and exact normals."""
+    ball = sphere(1.0, columns, rows)
+    result = Geometry()
+    for k in range(ball.vertex_count()):
+        unit = ball.positions[3 * k : 3 * k + 3]
+        result.add_vertex([centre[c] + radii[c] * unit[c] for c in range(3)],
+                          normalize([unit[c] / radii[c] for c in range(3)]))
+    result.indices.extend(ball.indices)
+    return result
+
+
+def tube(spine, radius, columns: int, rows: int, across=(0.0, 0.0, 1.0)) -> Geometry:
+    """A round tube about a curve: spine(v) in metres, radius(v, angle) in metres, v from 0 to 1.
+
+    across: a direction that the curve never runs along; angles (radians) count from it. The ends stay open: let the
+    radius go to nearly nothing there. (At nothing at all there is no normal.)
+    """
+    step = 1e-3
+
+    def position(u, v):
+        along = normalize(subtract(spine(v + step), spine(v - step)))
+        up = normalize(cross(along, across))
+        side = cross(up, along)
+        angle = 2.0 * math.pi * u
+        r = radius(v, angle)
+        centre = spine(v)
+        return tuple(centre[c] + r * (math.cos(angle) * side[c] + math.sin(angle) * up[c]) for c in range(3))
+
+    # side x up = along: up, the angle's way, times along faces outwards.
+    return traced_sheet(position, columns, rows, closed=True)

@@ -2,9 +2,9 @@
 """Figure 13 of Li et al. 2022: a metal sphere (alpha 0.001) on a floor (alpha 0.5) under a point light."""
 
 import math
-import os
 import sys
 
+from generator import run
 from gltf_writer import GltfBuilder
 from shapes import floor, sphere
 
@@ -12,9 +12,9 @@ SPHERE_ALPHA = 0.001
 FLOOR_ALPHA = 0.5
 
 
-def build() -> GltfBuilder:
+def build(alpha: float = SPHERE_ALPHA) -> GltfBuilder:
     builder = GltfBuilder()
-    metal = builder.add_material("sphere", (1.0, 1.0, 1.0), metallic=1.0, roughness=math.sqrt(SPHERE_ALPHA))
+    metal = builder.add_material("sphere", (1.0, 1.0, 1.0), metallic=1.0, roughness=math.sqrt(alpha))
     grey = builder.add_material("floor", (0.7, 0.7, 0.7), metallic=0.0, roughness=math.sqrt(FLOOR_ALPHA))
     ball = builder.add_mesh("sphere", sphere(0.5, columns=128, rows=64), metal)
     builder.add_node("floor", mesh=builder.add_mesh("floor", floor(4.0), grey))
@@ -26,4 +26,4 @@ def build() -> GltfBuilder:
 
 
 if __name__ == "__main__":
-    build().write(sys.argv[1] if len(sys.argv) > 1 else os.path.join(os.path.dirname(__file__), "sphere.glb"))
+    sys.exit(run(__file__, __doc__, build, SPHERE_ALPHA))
