@@ -85,9 +85,9 @@ class Refiner {
 
 }  // namespace
 
-Vec2 sample_quad_tree(const QuadNode* tree, Vec2 u) {
+QuadSample sample_quad_tree(const QuadNode* tree, Vec2 u) {
     Vec2 corner(0.0F);
-    float size = 1.0F;
+    float size = 1.0F, density = 1.0F;
     for (uint32_t index = 0;;) {
         const QuadNode& node = tree[index];
         const float energy = energy_of(node);
@@ -97,8 +97,10 @@ Vec2 sample_quad_tree(const QuadNode* tree, Vec2 u) {
         const bool upper = choose_upper_half(known ? below / (below + above) : 0.5F, u.y);
         size *= 0.5F;
         corner += Vec2(right ? size : 0.0F, upper ? size : 0.0F);
-        index = node.child[(right ? 1U : 0U) + (upper ? 2U : 0U)];
-        if (index == 0) return glm::min(corner + size * u, Vec2(largest_below_one));
+        const uint32_t q = (right ? 1U : 0U) + (upper ? 2U : 0U);
+        if (known) density *= 4.0F * node.energy[q] / energy;
+        index = node.child[q];
+        if (index == 0) return {glm::min(corner + size * u, Vec2(largest_below_one)), density};
     }
 }
 

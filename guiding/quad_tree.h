@@ -37,8 +37,13 @@ struct QuadRefinement {
     int depth = 20;       ///< Most levels of nodes.
 };
 
-/// The point that u in [0, 1)^2 is mapped to, with density quad_tree_density. The tree must have energy.
-Vec2 sample_quad_tree(const QuadNode* tree, Vec2 u);
+struct QuadSample {
+    Vec2 point;     ///< In [0, 1)^2.
+    float density;  ///< quad_tree_density there.
+};
+
+/// What u in [0, 1)^2 is mapped to. The tree must have energy.
+QuadSample sample_quad_tree(const QuadNode* tree, Vec2 u);
 /// Per area of the square; its integral is one.
 float quad_tree_density(const QuadNode* tree, Vec2 point);
 QuadLeaf quad_leaf_at(const QuadNode* tree, Vec2 point);

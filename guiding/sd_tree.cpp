@@ -58,8 +58,9 @@ float SdTree::pdf(const Leaf& leaf, const Vec3& direction) const {
     return quad_tree_density(directions(leaf), direction_to_square(direction)) * (1.0F / cylindrical_map_area);
 }
 
-Vec3 SdTree::sample(const Leaf& leaf, Vec2 u) const {
-    return square_to_direction(sample_quad_tree(directions(leaf), u));
+GuidedDirection SdTree::sample(const Leaf& leaf, Vec2 u) const {
+    const QuadSample sample = sample_quad_tree(directions(leaf), u);
+    return {square_to_direction(sample.point), sample.density * (1.0F / cylindrical_map_area)};
 }
 
 // The stochastic filter: a box of the cell's size about the record, so that neighbouring cells learn from each other.
@@ -75,6 +76,8 @@ Vec3 SdTree::jittered(const LightRecord& record, int depth) const {
 
 void SdTree::record(const LightRecord& record, std::vector<QuadShare>& scratch) {
     Cell cell = find_cell(record.position);
+    if (record.bsdf_share >= 0.0F && learns_fraction()) record_choice(record, cell.leaf);
+    if (record.pdf == 0.0F) return;
     if (settings_.stochastic_spatial_filter) cell = find_cell(jittered(record, cell.depth));
     std::atomic_ref<uint64_t>(counts_[cell.leaf]).fetch_add(1, std::memory_order_relaxed);
     const double value = static_cast<double>(record.radiance) / static_cast<double>(record.pdf);
@@ -96,10 +99,10 @@ void SdTree::add_to_quadrant(const Leaf& leaf, const QuadShare& share, double va
     sums_.add(4 * size_t{leaf.first_node} + share.quadrant, static_cast<double>(share.share) * value);
 }
 
-void SdTree::record_choice(const Vec3& position, float bsdf_share, float product_over_pdf) {
-    if (!(product_over_pdf > 0.0F)) return;
-    const size_t first = choice_bins * leaf_at(position);
-    choices_.add(first + choice_bin(bsdf_share), std::min(static_cast<double>(product_over_pdf), largest_record));
+void SdTree::record_choice(const LightRecord& record, uint32_t leaf) {
+    if (!(record.product_over_pdf > 0.0F)) return;
+    choices_.add(choice_bins * size_t{leaf} + choice_bin(record.bsdf_share),
+                 std::min(static_cast<double>(record.product_over_pdf), largest_record));
 }
 
 void SdTree::refine(uint32_t samples_per_pixel) {

@@ -31,7 +31,15 @@ struct LightRecord {
     Vec3 position{0.0F};
     Vec3 direction{0.0F};   ///< Unit, away from the point.
     float radiance = 0.0F;  ///< Mean of the channels.
-    float pdf = 0.0F;       ///< Density that the direction was sampled with, per solid angle; above zero.
+    float pdf = 0.0F;       ///< Density that the direction was sampled with, per solid angle; 0: it has none (mirrors).
+    /// Where guide and BSDF competed: learned_fraction.h's r; below zero elsewhere.
+    float bsdf_share = -1.0F;
+    float product_over_pdf = 0.0F;  ///< The same: f L cos over the density of the mixture.
+};
+
+struct GuidedDirection {
+    Vec3 direction;
+    float pdf;  ///< Per solid angle.
 };
 
 class SdTree {
@@ -50,13 +58,10 @@ class SdTree {
     const QuadNode* directions(const Leaf& leaf) const { return &nodes_[leaf.first_node]; }
     /// Density of the leaf's quadtree per solid angle; direction unit. The leaf must have energy.
     float pdf(const Leaf& leaf, const Vec3& direction) const;
-    Vec3 sample(const Leaf& leaf, Vec2 u) const;
+    GuidedDirection sample(const Leaf& leaf, Vec2 u) const;
 
     /// Thread-safe, without locks. `scratch` is the caller's, to be kept from call to call.
     void record(const LightRecord& record, std::vector<QuadShare>& scratch);
-    /// Of a vertex where guide and BSDF competed: r = bsdf_pdf / (bsdf_pdf + guide_pdf), and f L cos over the density
-    /// of the mixture (learned_fraction.h). Thread-safe.
-    void record_choice(const Vec3& position, float bsdf_share, float product_over_pdf);
     bool learns_fraction() const { return !settings_.bsdf_fraction.has_value(); }
 
     /// Energies become what was recorded since the last time; leaves with more than
@@ -87,6 +92,7 @@ class SdTree {
     };
 
     Cell find_cell(const Vec3& position) const;
+    void record_choice(const LightRecord& record, uint32_t leaf);
     Vec3 jittered(const LightRecord& record, int depth) const;
     void add_to_quadrant(const Leaf& leaf, const QuadShare& share, double value);
     void collect_energies();

@@ -23,11 +23,20 @@ class SdTreeWorker final : public GuideWorker {
   private:
     void choose_direction(const SdTree::Leaf& leaf, const GuidePoints& points, GuideBatch& batch, size_t k) const {
         if (batch.u_choice[k] < batch.fraction[k]) {
-            batch.direction.set(k, tree_.sample(leaf, {batch.u[k], batch.v[k]}));
+            const GuidedDirection sample = tree_.sample(leaf, {batch.u[k], batch.v[k]});
+            batch.direction.set(k, sample.direction);
+            batch.pdf[k] = sample.pdf;
             batch.guided[k] = 1.0F;
+        } else {
+            batch.pdf[k] = tree_.pdf(leaf, batch.direction.get(k));
         }
-        batch.pdf[k] = tree_.pdf(leaf, batch.direction.get(k));
-        if (batch.wants_light_pdf) batch.light_pdf[k] = tree_.pdf(leaf, points.light_direction.get(k));
+        if (batch.wants_light_pdf) batch.light_pdf[k] = light_pdf(leaf, points, k);
+    }
+
+    /// What comes from below the surface lights nothing: its density does not matter.
+    float light_pdf(const SdTree::Leaf& leaf, const GuidePoints& points, size_t k) const {
+        const Vec3 direction = points.light_direction.get(k);
+        return glm::dot(direction, points.geometric_normal.get(k)) > 0.0F ? tree_.pdf(leaf, direction) : 0.0F;
     }
 
     const SdTree& tree_;

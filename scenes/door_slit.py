@@ -11,9 +11,9 @@ from gltf_writer import GltfBuilder
 from shapes import box, quad, sphere
 
 # Metres. The dark room is z > 0, the bright one z < -WALL; the slit goes through the wall between them.
-HALF_WIDTH, HEIGHT, DEPTH = 2.0, 2.6, 4.0
-BRIGHT_HALF_WIDTH, BRIGHT_DEPTH = 3.0, 3.0
-WALL, SLIT_WIDTH, SLIT_HEIGHT, SLIT_X = 0.04, 0.12, 2.0, 0.6
+HALF_WIDTH, HEIGHT, DEPTH = 2.0, 2.6, 5.0
+BRIGHT_HALF_WIDTH, BRIGHT_DEPTH = 3.0, 2.0
+WALL, SLIT_WIDTH, SLIT_HEIGHT, SLIT_X = 0.04, 0.3, 2.0, 0.6
 
 
 def room(half_width: float, near: float, far: float):
@@ -40,10 +40,10 @@ def wall_with_slit():
 
 def add_rooms(builder: GltfBuilder) -> None:
     white = builder.add_material("white", (0.8, 0.8, 0.8), specular=0.0)
-    grey = builder.add_material("grey", (0.25, 0.25, 0.25), specular=0.0)
-    wood = builder.add_material("wood", (0.3, 0.2, 0.12), specular=0.0)
-    blue = builder.add_material("blue", (0.15, 0.22, 0.35), specular=0.0)
-    red = builder.add_material("red", (0.35, 0.13, 0.1), specular=0.0)
+    grey = builder.add_material("grey", (0.12, 0.12, 0.12), specular=0.0)
+    wood = builder.add_material("wood", (0.16, 0.12, 0.08), specular=0.0)
+    blue = builder.add_material("blue", (0.09, 0.12, 0.18), specular=0.0)
+    red = builder.add_material("red", (0.18, 0.08, 0.06), specular=0.0)
     dark = {"floor": wood, "ceiling": grey, "left": blue, "right": red}
     for prefix, parts in [("dark", room(HALF_WIDTH, DEPTH, 0)),
                           ("bright", room(BRIGHT_HALF_WIDTH, -WALL, -WALL - BRIGHT_DEPTH))]:
@@ -63,13 +63,13 @@ def add_rooms(builder: GltfBuilder) -> None:
 
 def add_things(builder: GltfBuilder) -> None:
     """What stands in the dark room."""
-    plaster = builder.add_material("plaster", (0.75, 0.72, 0.65), specular=0.0)
+    plaster = builder.add_material("plaster", (0.4, 0.38, 0.34), specular=0.0)
     metal = builder.add_material("rough metal", (0.9, 0.75, 0.5), metallic=1.0, roughness=0.55)
-    varnish = builder.add_material("varnish", (0.25, 0.4, 0.25), roughness=0.4)
-    builder.add_node("table", translation=(-0.7, 0.001, 1.1), mesh=builder.add_mesh("table", box((1.0, 0.6, 0.7)), varnish))
-    builder.add_node("plaster ball", translation=(-0.92, 0.851, 1.1),
+    varnish = builder.add_material("varnish", (0.1, 0.16, 0.1), roughness=0.5)
+    builder.add_node("table", translation=(-0.7, 0.001, 1.9), mesh=builder.add_mesh("table", box((1.0, 0.6, 0.7)), varnish))
+    builder.add_node("plaster ball", translation=(-0.92, 0.851, 1.9),
                      mesh=builder.add_mesh("plaster ball", sphere(0.25, 48, 24), plaster))
-    builder.add_node("metal ball", translation=(-0.4, 0.791, 1.2),
+    builder.add_node("metal ball", translation=(-0.4, 0.791, 2.0),
                      mesh=builder.add_mesh("metal ball", sphere(0.19, 48, 24), metal))
 
 
@@ -77,10 +77,10 @@ def build() -> GltfBuilder:
     builder = GltfBuilder()
     add_rooms(builder)
     add_things(builder)
-    lamp = builder.add_material("lamp", (0.0, 0.0, 0.0), specular=0.0, emission=(1.0, 0.9, 0.75), emission_strength=400.0)
+    lamp = builder.add_material("lamp", (0.0, 0.0, 0.0), specular=0.0, emission=(1.0, 0.9, 0.75), emission_strength=2000.0)
     builder.add_node("lamp", mesh=builder.add_mesh(
-        "lamp", quad((0.2, 0.6, -WALL - 0.01), (-1.6, 0, 0), (0, 1.4, 0)), lamp))
-    builder.add_perspective_camera("camera", (1.6, 1.5, 3.6), (-1.2, 0.9, 0.6), 0.9, 4.0 / 3.0)
+        "lamp", quad((2.7, 0.4, -WALL - 0.01), (-1.7, 0, 0), (0, 1.8, 0)), lamp))
+    builder.add_perspective_camera("camera", (1.5, 1.5, 4.8), (-1.0, 0.85, 1.0), 0.85, 4.0 / 3.0)
     return builder
 
 

@@ -50,11 +50,9 @@ void PathRecorder::finished(const SampleBuffer& samples) {
 }
 
 void PathRecorder::record(const Vertex& vertex, const Rgb& gathered) {
-    if (vertex.bsdf_share >= 0.0F) {
-        tree_.record_choice(vertex.position, vertex.bsdf_share, mean_ratio(gathered, vertex.throughput_before));
-    }
-    if (vertex.pdf == 0.0F) return;
-    tree_.record({vertex.position, vertex.direction, mean_ratio(gathered, vertex.throughput), vertex.pdf}, quadrants_);
+    tree_.record({vertex.position, vertex.direction, mean_ratio(gathered, vertex.throughput), vertex.pdf,
+                  vertex.bsdf_share, mean_ratio(gathered, vertex.throughput_before)},
+                 quadrants_);
 }
 
 }  // namespace nephroid

@@ -25,7 +25,7 @@ class PathRecorder final : public PathObserver {
         Rgb throughput_before;  ///< When the path arrived.
         Rgb reached;            ///< The slot's radiance, next event estimation at the vertex included.
         float pdf;              ///< Of the direction; 0: it has none.
-        float bsdf_share;       ///< SdTree::record_choice; below 0: there was no choice.
+        float bsdf_share;       ///< LightRecord::bsdf_share.
         uint32_t slot;
     };
 
