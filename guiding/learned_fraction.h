@@ -21,7 +21,7 @@ inline size_t choice_bin(float bsdf_share) {
 }
 
 /// Neither of both ever gets less: what a leaf knows may be wrong.
-inline constexpr float least_choice_probability = 0.05F;
+inline constexpr float least_choice_probability = 0.2F;
 
 /// The fraction a that Adam (Kingma and Ba 2015) finds, on a = 1 / (1 + exp(-x)), from `fraction` on; `weights` has the
 /// sums of p / q by choice_bin. Unchanged where all weights are zero.

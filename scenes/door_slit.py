@@ -66,10 +66,10 @@ def add_things(builder: GltfBuilder) -> None:
     plaster = builder.add_material("plaster", (0.4, 0.38, 0.34), specular=0.0)
     metal = builder.add_material("rough metal", (0.9, 0.75, 0.5), metallic=1.0, roughness=0.55)
     varnish = builder.add_material("varnish", (0.1, 0.16, 0.1), roughness=0.5)
-    builder.add_node("table", translation=(-0.7, 0.001, 1.9), mesh=builder.add_mesh("table", box((1.0, 0.6, 0.7)), varnish))
-    builder.add_node("plaster ball", translation=(-0.92, 0.851, 1.9),
+    builder.add_node("table", translation=(-0.35, 0.001, 2.9), mesh=builder.add_mesh("table", box((1.0, 0.6, 0.7)), varnish))
+    builder.add_node("plaster ball", translation=(-0.57, 0.851, 2.9),
                      mesh=builder.add_mesh("plaster ball", sphere(0.25, 48, 24), plaster))
-    builder.add_node("metal ball", translation=(-0.4, 0.791, 2.0),
+    builder.add_node("metal ball", translation=(-0.05, 0.791, 2.8),
                      mesh=builder.add_mesh("metal ball", sphere(0.19, 48, 24), metal))
 
 
@@ -77,10 +77,10 @@ def build() -> GltfBuilder:
     builder = GltfBuilder()
     add_rooms(builder)
     add_things(builder)
-    lamp = builder.add_material("lamp", (0.0, 0.0, 0.0), specular=0.0, emission=(1.0, 0.9, 0.75), emission_strength=2000.0)
+    lamp = builder.add_material("lamp", (0.0, 0.0, 0.0), specular=0.0, emission=(1.0, 0.9, 0.75), emission_strength=1000.0)
     builder.add_node("lamp", mesh=builder.add_mesh(
         "lamp", quad((2.7, 0.4, -WALL - 0.01), (-1.7, 0, 0), (0, 1.8, 0)), lamp))
-    builder.add_perspective_camera("camera", (1.5, 1.5, 4.8), (-1.0, 0.85, 1.0), 0.85, 4.0 / 3.0)
+    builder.add_perspective_camera("camera", (1.75, 1.6, 0.25), (-0.45, 0.75, 3.3), 0.95, 4.0 / 3.0)
     return builder
 
 
