@@ -1,5 +1,5 @@
 // Directions on the unit square, areas in proportion to solid angles: x = (1 + d.z) / 2, y = azimuth / (2 pi).
-// Lambert's cylindrical map, as in Mueller et al., "Practical Path Guiding" (2017), Sec. 3.2.
+// Lambert's cylindrical map, as in Mueller et al., "Practical Path Guiding" (2017).
 #pragma once
 
 #include <algorithm>

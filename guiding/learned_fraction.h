@@ -1,5 +1,5 @@
 // The probability of the BSDF against the guide, learned by gradient descent on the Kullback-Leibler divergence
-// (Mueller, "Practical Path Guiding in Production", 2019 course notes, Sec. 10.5).
+// (Mueller, "Practical Path Guiding in Production", SIGGRAPH 2019 course "Path Guiding in Production").
 //
 // With product p = f L cos, sampled with density q, the divergence of the mixture from the ideal density is, but for a
 // constant, -sum (p / q) log(a b + (1 - a) g) for the BSDF's density b, the guide's g and the fraction a. It depends on

@@ -1,5 +1,5 @@
 // Distributions on the unit square as quadtrees: constant in each leaf, finer where there is more energy (Mueller et
-// al. 2017, Sec. 3.2).
+// al. 2017).
 //
 // A tree is a run of nodes in an array that many trees may share, parents before their children. A node holds the
 // energy of its four quadrants: sampling and densities read one node (32 bytes) for each level.

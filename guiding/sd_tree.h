@@ -65,7 +65,7 @@ class SdTree {
     bool learns_fraction() const { return !settings_.bsdf_fraction.has_value(); }
 
     /// Energies become what was recorded since the last time; leaves with more than
-    /// split_count * sqrt(samples_per_pixel / 4) records are halved (2017, Sec. 5.1, where samples_per_pixel is
+    /// split_count * sqrt(samples_per_pixel / 4) records are halved (2017, where samples_per_pixel is
     /// 2^k * 4), quadtrees refined. Nothing happens where nothing was recorded.
     void refine(uint32_t samples_per_pixel);
 

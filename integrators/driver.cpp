@@ -111,7 +111,7 @@ class RenderLoop {
     }
 
     // When to learn next. A lesson must be worth its while: it is left out where fewer samples would follow it than
-    // came before it, as far as spp or the time can tell (Mueller et al. 2017, Sec. 5.2). A resumed render may be past
+    // came before it, as far as spp or the time can tell (Mueller et al. 2017). A resumed render may be past
     // lessons that a smaller limit had left out.
     void plan_lesson() {
         lesson_.reset();

@@ -11,7 +11,7 @@ namespace nephroid {
 
 class IterationFilms {
   public:
-    /// Films that a picture is made of, with EarlierSamples::combined: Mueller 2019, Sec. 10.2.
+    /// Films that a picture is made of, with EarlierSamples::combined: Mueller 2019.
     static constexpr size_t most_combined = 4;
 
     /// `current`, the film that samples come to, must outlive this.

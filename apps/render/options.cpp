@@ -175,6 +175,9 @@ std::optional<Options> parse_options(int argc, char** argv) {
     if (inspect) {
         parse_inspect(*inspect, options);
         check_inspect(options);
+        if (options.integrator == "ppg") {
+            usage_error("--inspect", "ppg has learned nothing before it renders; use -i guided or path");
+        }
     }
     if (!options.info) check_integrator(options);
     if (!options.spp && !options.time && !options.noise) options.spp = 64;
