@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A dark room beside a bright one: all light comes through a slit in the wall, by two diffuse reflections and more.
 
-After Veach's ajar door. The lamp is a panel on the bright side of that wall, so that its own light never passes the slit.
+After Veach's ajar door. The lamp is a panel on the bright side of that wall: its own light never passes the slit.
 """
 
 import os
@@ -13,7 +13,7 @@ from shapes import box, quad, sphere
 # Metres. The dark room is z > 0, the bright one z < -WALL; the slit goes through the wall between them.
 HALF_WIDTH, HEIGHT, DEPTH = 2.0, 2.6, 5.0
 BRIGHT_HALF_WIDTH, BRIGHT_DEPTH = 3.0, 2.0
-WALL, SLIT_WIDTH, SLIT_HEIGHT, SLIT_X = 0.04, 0.3, 2.0, 0.6
+WALL, SLIT_WIDTH, SLIT_HEIGHT, SLIT_X = 0.04, 0.6, 2.0, 0.6
 
 
 def room(half_width: float, near: float, far: float):
@@ -39,7 +39,7 @@ def wall_with_slit():
 
 
 def add_rooms(builder: GltfBuilder) -> None:
-    white = builder.add_material("white", (0.8, 0.8, 0.8), specular=0.0)
+    white = builder.add_material("white", (0.5, 0.5, 0.5), specular=0.0)
     grey = builder.add_material("grey", (0.12, 0.12, 0.12), specular=0.0)
     wood = builder.add_material("wood", (0.16, 0.12, 0.08), specular=0.0)
     blue = builder.add_material("blue", (0.09, 0.12, 0.18), specular=0.0)
