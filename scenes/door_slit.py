@@ -39,7 +39,7 @@ def wall_with_slit():
 
 
 def add_rooms(builder: GltfBuilder) -> None:
-    white = builder.add_material("white", (0.5, 0.5, 0.5), specular=0.0)
+    pale = builder.add_material("pale", (0.5, 0.5, 0.5), specular=0.0)
     grey = builder.add_material("grey", (0.12, 0.12, 0.12), specular=0.0)
     wood = builder.add_material("wood", (0.16, 0.12, 0.08), specular=0.0)
     blue = builder.add_material("blue", (0.09, 0.12, 0.18), specular=0.0)
@@ -48,12 +48,12 @@ def add_rooms(builder: GltfBuilder) -> None:
     for prefix, parts in [("dark", room(HALF_WIDTH, DEPTH, 0)),
                           ("bright", room(BRIGHT_HALF_WIDTH, -WALL, -WALL - BRIGHT_DEPTH))]:
         for part, geometry in parts.items():
-            material = dark[part] if prefix == "dark" else white
+            material = dark[part] if prefix == "dark" else pale
             builder.add_node(f"{prefix} {part}", mesh=builder.add_mesh(f"{prefix} {part}", geometry, material))
     half = BRIGHT_HALF_WIDTH
     ends = [
         ("dark end", quad((HALF_WIDTH, 0, DEPTH), (-2 * HALF_WIDTH, 0, 0), (0, HEIGHT, 0)), grey),
-        ("bright end", quad((-half, 0, -WALL - BRIGHT_DEPTH), (2 * half, 0, 0), (0, HEIGHT, 0)), white),
+        ("bright end", quad((-half, 0, -WALL - BRIGHT_DEPTH), (2 * half, 0, 0), (0, HEIGHT, 0)), pale),
     ]
     for name, geometry, material in ends:
         builder.add_node(name, mesh=builder.add_mesh(name, geometry, material))
