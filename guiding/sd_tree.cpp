@@ -1,9 +1,11 @@
 #include "guiding/sd_tree.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "core/sampler.h"
