@@ -38,6 +38,7 @@ class ExactSums {
 
     /// All that was added, for checkpoints.
     std::vector<uint64_t>& digits() { return digits_; }
+    const std::vector<uint64_t>& digits() const { return digits_; }
 
   private:
     static constexpr double high_per_unit = 0x1p8;

@@ -186,6 +186,66 @@ double Film::relative_noise() const {
     return mean_sum > 0.0 ? std::sqrt(variance_sum / n) / (mean_sum / n) : 0.0;
 }
 
+double Film::sample_variance() const {
+    const std::vector<float> variances = variance();
+    double sum = 0.0;
+    for (size_t i = 0; i < variances.size(); ++i) sum += static_cast<double>(variances[i]) * counts_[i / 3];
+    return variances.empty() ? 0.0 : sum / static_cast<double>(variances.size());
+}
+
+void Film::clear() {
+    for (auto* sums : state().sums) std::fill(sums->begin(), sums->end(), 0.0);
+    std::fill(counts_.begin(), counts_.end(), 0);
+    std::fill(nonfinite_.begin(), nonfinite_.end(), 0);
+    for (auto* digits : state().exact) std::fill(digits->begin(), digits->end(), 0);
+}
+
+Film Film::combine(std::span<const Film* const> films, std::span<const double> weights) {
+    Film result = *films[0];
+    result.clear();
+    std::vector<double> weight_sums(result.counts_.size());
+    for (size_t f = 0; f < films.size(); ++f) {
+        for (size_t i = 0; i < weight_sums.size(); ++i) {
+            weight_sums[i] += weights[f] * films[f]->counts_[i];
+            result.counts_[i] += films[f]->counts_[i];
+            result.nonfinite_[i] += films[f]->nonfinite_[i];
+        }
+    }
+    // As many samples as all films have, of the weighted mean.
+    const State to = result.state();
+    std::vector<double> variances(result.squares_.size());
+    for (size_t f = 0; f < films.size(); ++f) {
+        Film film = *films[f];
+        const State from = film.state();
+        const auto scale = [&](size_t pixel) {
+            return weight_sums[pixel] > 0.0 ? weights[f] / weight_sums[pixel] * result.counts_[pixel] : 0.0;
+        };
+        for (size_t layer = 0; layer < to.sums.size(); ++layer) {
+            const size_t channels = to.sums[layer]->size() / weight_sums.size();
+            for (size_t i = 0; i < to.sums[layer]->size(); ++i) {
+                (*to.sums[layer])[i] += scale(i / channels) * (*from.sums[layer])[i];
+            }
+        }
+        const std::vector<float> own = film.variance();
+        for (size_t i = 0; i < variances.size(); ++i) {
+            const double share = weights[f] * film.counts_[i / 3] / std::max(weight_sums[i / 3], 1e-300);
+            variances[i] += share * share * static_cast<double>(own[i]);
+        }
+    }
+    result.set_variance(variances);
+    return result;
+}
+
+// The squares that `variance` would turn into these values.
+void Film::set_variance(const std::vector<double>& variances) {
+    for (size_t i = 0; i < squares_.size(); ++i) {
+        const double n = counts_[i / 3];
+        if (n == 0.0) continue;
+        const double average = beauty_[i] / n;
+        squares_[i] = n * (average * average + variances[i] * (n - 1.0));
+    }
+}
+
 uint64_t Film::sample_count() const {
     return std::accumulate(counts_.begin(), counts_.end(), uint64_t{0});
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -96,6 +97,10 @@ class Film {
     /// Makes room for splats, which then count from the next block on: one light path per sample of a tile's pixels,
     /// whether inside the crop or not. Films without splats take no memory and no time for them.
     void expect_splats();
+    /// Makes room for the squares of samples, which `variance` needs.
+    void keep_squares() { squares_.resize(beauty_.size()); }
+    /// Back to no samples.
+    void clear();
     /// Adds samples [skip, skip + take) of the block. Non-finite ones count as black and are counted. Different tiles
     /// may be added concurrently.
     void add(const SampleBlock& block, uint32_t skip, uint32_t take, const SampleBuffer& buffer);
@@ -116,6 +121,12 @@ class Film {
     uint64_t sample_count() const;
     uint32_t min_spp() const;
     uint64_t nonfinite_samples() const;
+    /// Variance of single samples, the mean over pixels and channels; 0: unknown, or there is none. Needs squares.
+    double sample_variance() const;
+
+    /// One film for several of the same kind, without splats: the mean of all samples, those of films[i] weighing
+    /// weights[i], and the variance of that mean, as if they had come to one film.
+    static Film combine(std::span<const Film* const> films, std::span<const double> weights);
 
     /// All accumulated state as named arrays, for checkpoints.
     struct State {
@@ -130,6 +141,7 @@ class Film {
     std::vector<float> mean(const std::vector<double>& sums, size_t channels, const ExactSums& splats = {}) const;
     void add_splats(const SampleBlock& block, uint32_t skip, uint32_t take, const SampleBuffer& buffer);
     double splat_variance(size_t i) const;
+    void set_variance(const std::vector<double>& variances);
     bool in_crop(int x, int y) const { return x >= crop_.x0 && x < crop_.x1 && y >= crop_.y0 && y < crop_.y1; }
     double light_paths() const { return static_cast<double>(splat_counts_[light_path_count]); }
     size_t pixel_index(int x, int y) const {

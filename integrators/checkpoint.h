@@ -14,6 +14,9 @@ struct CheckpointData {
     std::vector<uint32_t> tile_samples;  ///< Next sample index per tile.
     double render_seconds = 0.0;         ///< Spent so far, all runs together.
     uint64_t rays = 0;
+    uint32_t last_lesson = 0;         ///< Sample count at which the integrator has last learned.
+    std::vector<uint8_t> learned;     ///< Learner::state; empty: nobody learns.
+    std::vector<Film> earlier_films;  ///< IterationFilms::earlier.
 };
 
 /// Writes film and data, whole or not at all. `fingerprint` identifies scene and settings. Throws Error(output_failed).

@@ -14,6 +14,7 @@
 
 #include "core/error.h"
 #include "integrators/checkpoint.h"
+#include "integrators/iteration_films.h"
 
 namespace nephroid {
 
@@ -41,7 +42,13 @@ uint32_t block_start(uint32_t sample) {
 class RenderLoop {
   public:
     RenderLoop(const Integrator& integrator, Film& film, const DriverSettings& settings, Progress& progress)
-        : film_(film), settings_(settings), progress_(progress), start_(Clock::now()), states_([&integrator] {
+        : film_(film),
+          learner_(integrator.learner()),
+          films_(film, learner_ != nullptr ? learner_->earlier_samples() : EarlierSamples::kept),
+          settings_(settings),
+          progress_(progress),
+          start_(Clock::now()),
+          states_([&integrator] {
               return ThreadState{integrator.make_worker(), SampleBuffer()};
           }) {
         const PixelRegion& crop = film.crop();
@@ -61,11 +68,15 @@ class RenderLoop {
     RenderResult run() {
         resume();
         last_checkpoint_ = Clock::now();
+        plan_lesson();
+        take_lesson();
         while (result_.stop_reason.empty()) {
             render_pass(next_pass_end());
+            take_lesson();
             finish_pass();
         }
         if (!settings_.checkpoint.empty()) checkpoint();
+        if (learner_ != nullptr) film_ = films_.picture();
         result_.render_seconds = elapsed();
         result_.rays = rays();
         return result_;
@@ -81,19 +92,63 @@ class RenderLoop {
     uint32_t first_unfinished() const {
         return *std::min_element(data_.tile_samples.begin(), data_.tile_samples.end());
     }
+    /// Of every pixel, that its film does not hold any more.
+    double samples_before_film() const {
+        const bool cleared = learner_ != nullptr && learner_->earlier_samples() != EarlierSamples::kept;
+        return cleared ? data_.last_lesson : 0.0;
+    }
     bool past_deadline() const { return deadline_ && Clock::now() >= *deadline_; }
 
     void resume() {
         if (!settings_.resume || !std::filesystem::exists(settings_.checkpoint)) return;
         data_ = load_checkpoint(settings_.checkpoint, settings_.fingerprint, film_);
+        this_run_first_ = first_unfinished();
+        if (learner_ != nullptr) {
+            learner_->restore(data_.learned);
+            films_.earlier() = std::move(data_.earlier_films);
+        }
         progress_.verbose("resumed at " + std::to_string(film_.min_spp()) + " spp");
+    }
+
+    // When to learn next. A lesson must be worth its while: it is left out where fewer samples would follow it than
+    // came before it, as far as spp or the time can tell (Mueller et al. 2017). A resumed render may be past
+    // lessons that a smaller limit had left out.
+    void plan_lesson() {
+        lesson_.reset();
+        if (learner_ == nullptr) return;
+        const uint32_t done = first_unfinished();
+        lesson_ = learner_->next_lesson(data_.last_lesson);
+        while (lesson_ && *lesson_ < done) lesson_ = learner_->next_lesson(*lesson_);
+        if (lesson_ && !is_worth_while(*lesson_, done)) lesson_.reset();
+        learner_->expect_lesson(lesson_.has_value());
+    }
+
+    bool is_worth_while(uint32_t lesson, uint32_t done) const {
+        if (settings_.spp && *settings_.spp / 2 < lesson) return false;
+        if (!deadline_) return true;
+        const double before = lesson - done, after = lesson;
+        return seconds_between(Clock::now(), *deadline_) >= seconds_per_sample_ * (before + after);
+    }
+
+    void take_lesson() {
+        if (!lesson_ || first_unfinished() < *lesson_ || past_deadline()) return;
+        const uint32_t samples = *lesson_ - data_.last_lesson;
+        // A resumed render has traced some of them in an earlier run, or all.
+        const uint32_t traced = *lesson_ - std::max(data_.last_lesson, this_run_first_);
+        if (traced > 0) seconds_per_sample_ = (run_seconds_ - seconds_at_lesson_) / traced;
+        seconds_at_lesson_ = run_seconds_;
+        learner_->learn(samples);
+        films_.begin_iteration();
+        data_.last_lesson = *lesson_;
+        plan_lesson();
     }
 
     // Passes take about a tenth of the time so far, within [0.2, 2] seconds: short enough to stop on a signal and to
     // draw an error curve, long enough to keep all threads busy.
     uint32_t next_pass_end() {
         const uint32_t done = first_unfinished();
-        const uint32_t limit = settings_.spp.value_or(std::numeric_limits<uint32_t>::max());
+        const uint32_t limit =
+            std::min(settings_.spp.value_or(std::numeric_limits<uint32_t>::max()), lesson_.value_or(~0U));
         uint32_t samples = samples_in_block(block_start(done));
         if (done > this_run_first_ && run_seconds_ > 0.0) {
             const double wanted = std::clamp(0.1 * run_seconds_, 0.2, 2.0);
@@ -167,12 +222,16 @@ class RenderLoop {
     uint32_t pass_number() const { return static_cast<uint32_t>(result_.passes.size()) + 1; }
 
     void finish_pass() {
-        if (settings_.noise) noise_ = film_.relative_noise();
+        const bool measured = settings_.noise || !settings_.reference.empty();
+        std::optional<Film> combined;
+        if (learner_ != nullptr && measured) combined = films_.picture();
+        const Film& picture = combined ? *combined : film_;
+        if (settings_.noise) noise_ = picture.relative_noise();
         PassRecord record;
         const auto pixels = static_cast<double>(film_.crop().width()) * static_cast<double>(film_.crop().height());
-        record.spp = static_cast<double>(film_.sample_count()) / pixels;
+        record.spp = samples_before_film() + static_cast<double>(film_.sample_count()) / pixels;
         record.seconds = seconds_between(settings_.process_start, Clock::now());
-        if (!settings_.reference.empty()) record.error = compare_images(film_.beauty(), settings_.reference);
+        if (!settings_.reference.empty()) record.error = compare_images(picture.beauty(), settings_.reference);
         result_.passes.push_back(record);
 
         const uint32_t done = first_unfinished();
@@ -192,13 +251,19 @@ class RenderLoop {
 
     void checkpoint() {
         CheckpointData data = data_;
+        if (learner_ != nullptr) {
+            data.learned = learner_->state();
+            data.earlier_films = films_.earlier();
+        }
         data.render_seconds = elapsed();
         data.rays = rays();
         save_checkpoint(settings_.checkpoint, settings_.fingerprint, film_, data);
         last_checkpoint_ = Clock::now();
     }
 
-    Film& film_;
+    Film& film_;  // Of the samples since the last lesson, unless earlier ones are kept there.
+    Learner* learner_;
+    IterationFilms films_;
     const DriverSettings& settings_;
     Progress& progress_;
     Clock::time_point start_;
@@ -208,7 +273,10 @@ class RenderLoop {
     CheckpointData data_;
     RenderResult result_;
 
-    double run_seconds_ = 0.0;  // Inside passes, this run only.
+    double run_seconds_ = 0.0;         // Inside passes, this run only.
+    std::optional<uint32_t> lesson_;   // Sample count of the next one.
+    double seconds_at_lesson_ = 0.0;   // run_seconds_ at the last lesson.
+    double seconds_per_sample_ = 0.0;  // Before the last lesson; 0: not known.
     uint32_t this_run_first_ = 0;
     bool first_pass_ = true;
     uint32_t pass_first_ = 0;

@@ -31,7 +31,7 @@ struct DriverSettings {
 
 struct PassRecord {
     double seconds;  ///< Since process start, at the end of the pass.
-    double spp;      ///< Mean samples per pixel so far.
+    double spp;      ///< Mean samples per pixel traced so far.
     std::optional<ImageError> error;
 };
 

@@ -15,6 +15,7 @@
 #include "core/light_set.h"
 #include "core/sampler.h"
 #include "core/scene.h"
+#include "integrators/learner.h"
 
 namespace nephroid {
 
@@ -35,7 +36,8 @@ struct RenderContext {
 class IntegratorWorker {
   public:
     virtual ~IntegratorWorker() = default;
-    /// Estimates every sample of the block. A sample's value depends on its pixel, index and seed alone.
+    /// Estimates every sample of the block. A sample's value depends on its pixel, index and seed alone,
+    /// and on what the integrator's learner had learned.
     virtual void render(const SampleBlock& block, SampleBuffer& samples) = 0;
     /// Rays traced so far.
     virtual uint64_t rays() const = 0;
@@ -55,6 +57,8 @@ class Integrator {
     virtual std::unique_ptr<IntegratorWorker> make_worker() const = 0;
     /// Whether blocks come with splats: one light path per sample of a block.
     virtual bool makes_splats() const { return false; }
+    /// The integrator's part that learns between passes; null: there is none.
+    virtual Learner* learner() const { return nullptr; }
     virtual std::optional<IntegratorStatistics> statistics() const { return std::nullopt; }
 };
 

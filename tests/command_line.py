@@ -109,7 +109,9 @@ class CommandLine(unittest.TestCase):
             (["--crop", "1,2,3", "-i", "path", scene], "--crop"),
             (["--crop", "50,0,40,10", "-i", "path", "--size", "64x48", scene], "--crop"),
             (["-i", "nonsense", scene], "nonsense"),
-            (["-i", "ppg", scene], "not in this version"),
+            (["-i", "sms", scene], "not in this version"),
+            (["-i", "ppg", "--set", "preset=2018", scene], "2019|2017"),
+            (["-i", "ppg", "--set", "bsdf_fraction=0", scene], "learned"),
             (["--aov", "beauty", scene], "beauty"),
             (["--time", "-3", scene], "--time"),
             (["--resume", "-i", "path", scene], "--checkpoint"),
@@ -125,6 +127,7 @@ class CommandLine(unittest.TestCase):
             (["--inspect", "1,2", "--stats", "s.json", scene], "--stats"),
             (["--inspect", "64,10", "-i", "path", "--size", "64x48", scene], "x in 0..63"),
             (["--inspect=-1,10", "-i", "path", "--size", "64x48", scene], "x in 0..63"),
+            (["--inspect", "10,10", "-i", "ppg", scene], "ppg"),
             (["--inspect", "10,10", "--crop", "20,20,40,40", "-i", "path", "--size", "64x48", scene], "x in 20..39"),
             (["--inspect", "0,0", "-i", "path", "--size", "64x48", scene], "another pixel"),
             ([], "scene"),
@@ -198,6 +201,30 @@ class CommandLine(unittest.TestCase):
                 self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(self.picture("one.exr"), self.picture("two.exr"))
         self.assertEqual(self.picture("one.exr"), self.picture("parts.exr"))
+
+    def test_ppg_has_the_same_bits_for_any_threads_and_goes_on(self):
+        common = ["-i", "ppg", "--size", "80x60", "--aov", "variance,spp,albedo", "-q", self.scene]
+        for threads in [1, 2]:
+            stats = self.path / "s.json"
+            result = run("-o", self.path / f"{threads}.exr", "--spp", 12, "--threads", threads, "--stats", stats, *common)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            learned = json.loads(stats.read_text())["ppg"]
+            self.assertEqual(learned["lessons"], 3)
+            self.assertGreater(learned["bytes"], 1000)
+        self.assertEqual(self.picture("1.exr"), self.picture("2.exr"))
+        # To more samples than planned at first: other passes, a whole picture all the same.
+        for spp in [3, 7, 30]:
+            stats = self.path / "s.json"
+            result = run("-o", self.path / "parts.exr", "--spp", spp, "--checkpoint", self.path / "state", "--resume",
+                         "--stats", stats, *common)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            self.assertGreater(json.loads(stats.read_text())["spp"], 0)
+        self.assertEqual(json.loads(stats.read_text())["passes"][-1]["spp"], 30)
+        result = run("-o", self.path / "timed.exr", "--time", 1.5, "--set", "passes=discard", "--stats", stats, *common)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        known = json.loads(stats.read_text())
+        self.assertEqual(known["stop_reason"], "time")
+        self.assertGreater(known["spp"], 0)
 
     def test_resume_refuses_another_render(self):
         checkpoint = self.path / "state"

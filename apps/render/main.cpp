@@ -22,6 +22,7 @@
 #include "integrators/driver.h"
 #include "integrators/guided/guided_integrator.h"
 #include "integrators/path/path_integrator.h"
+#include "integrators/ppg/ppg_integrator.h"
 #include "pathcut/densify.h"
 
 namespace nephroid {
@@ -172,6 +173,21 @@ GuidedSettings guided_settings(const Parameters& parameters, std::optional<doubl
     return settings;
 }
 
+PpgSettings ppg_settings(const Parameters& parameters) {
+    PpgSettings settings;
+    settings.tree.split_count = number_of(parameters, "split_count");
+    settings.tree.stochastic_spatial_filter = parameters.at("spatial_filter") == "stochastic";
+    settings.tree.box_directional_filter = parameters.at("directional_filter") == "box";
+    if (parameters.at("bsdf_fraction") != "learned") {
+        settings.tree.bsdf_fraction = static_cast<float>(number_of(parameters, "bsdf_fraction"));
+    }
+    settings.tree.directions.share = number_of(parameters, "quad_share");
+    settings.tree.directions.depth = static_cast<int>(number_of(parameters, "quad_depth"));
+    settings.earlier_samples =
+        parameters.at("passes") == "combine" ? EarlierSamples::combined : EarlierSamples::discarded;
+    return settings;
+}
+
 std::unique_ptr<Integrator> make_integrator(const std::string& name, const Parameters& parameters,
                                             const RenderContext& context, const CasterReport& casters,
                                             const GuidedView& view, std::optional<double> seconds_left) {
@@ -182,6 +198,7 @@ std::unique_ptr<Integrator> make_integrator(const std::string& name, const Param
         return std::make_unique<BdptIntegrator>(context, casters, BdptView{view.width, view.height, view.crop},
                                                 BdptSettings{parameters.at("emission") == "casters"});
     }
+    if (name == "ppg") return std::make_unique<PpgIntegrator>(context, ppg_settings(parameters));
     return std::make_unique<PathIntegrator>(context);
 }
 

@@ -95,9 +95,9 @@ void parse_aovs(const std::string& text, Options& options) {
 void check_integrator(const Options& options) {
     if (is_integrator(options.integrator)) return;
     if (is_planned_integrator(options.integrator)) {
-        usage_error("--integrator " + options.integrator, "is not in this version yet; use path, bdpt or guided");
+        usage_error("--integrator " + options.integrator, "is not in this version yet; use path, bdpt, ppg or guided");
     }
-    usage_error("--integrator " + options.integrator, "unknown; use path, bdpt or guided");
+    usage_error("--integrator " + options.integrator, "unknown; use path, bdpt, ppg or guided");
 }
 
 void check_ranges(const Options& options) {
@@ -130,7 +130,7 @@ std::optional<Options> parse_options(int argc, char** argv) {
         ->expected(1)
         ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
         ->allow_extra_args(false);
-    app.add_option("-i,--integrator", options.integrator, "path, bdpt or guided [guided]");
+    app.add_option("-i,--integrator", options.integrator, "path, bdpt, ppg or guided [guided]");
     app.add_option("--spp", options.spp, "stop at N samples per pixel [64]")->check(CLI::Range(1, 1 << 30));
     app.add_option("--time", options.time, "stop after SECONDS, everything counted from process start");
     app.add_option("--noise", options.noise, "stop at relative noise REL");
@@ -175,6 +175,9 @@ std::optional<Options> parse_options(int argc, char** argv) {
     if (inspect) {
         parse_inspect(*inspect, options);
         check_inspect(options);
+        if (options.integrator == "ppg") {
+            usage_error("--inspect", "ppg has learned nothing before it renders; use -i guided or path");
+        }
     }
     if (!options.info) check_integrator(options);
     if (!options.spp && !options.time && !options.noise) options.spp = 64;

@@ -135,6 +135,62 @@ std::vector<ParameterDescription> guided_parameters() {
     };
 }
 
+std::vector<ParameterDescription> ppg_parameters() {
+    return {
+        {"preset",
+         "2019|2017",
+         "2019",
+         "2019: Mueller's course notes; 2017: Mueller et al. as published; other parameters may still be set",
+         {"2019", "2017"},
+         {}},
+        {"split_count",
+         "1..1000000000",
+         "4000",
+         "c: a leaf of space with more than c sqrt(samples per pixel / 4) path vertices is halved; smaller follows the "
+         "light closer, and is noisier and larger",
+         {},
+         NumberRange{1.0, 1e9, false}},
+        {"spatial_filter",
+         "stochastic|nearest",
+         "stochastic",
+         "stochastic: neighbouring leaves learn from each other (smoother, blurs at edges)",
+         {"stochastic", "nearest"},
+         {}},
+        {"directional_filter",
+         "box|nearest",
+         "box",
+         "box: neighbouring directions learn from each other (smoother, slower to train)",
+         {"box", "nearest"},
+         {}},
+        {"bsdf_fraction",
+         "learned|0.01..1",
+         "learned",
+         "probability of the BSDF against the tree: higher is safer where the tree is wrong; learned: in each leaf",
+         {"learned"},
+         NumberRange{0.01, 1.0, false}},
+        {"passes",
+         "combine|discard",
+         "combine",
+         "combine: the last four passes, weighted by the inverse of their variance (less noise, a bias of less than "
+         "that); discard: the last pass alone (unbiased)",
+         {"combine", "discard"},
+         {}},
+        {"quad_share",
+         "0.0001..1",
+         "0.01",
+         "rho: directions with more than this share of a leaf's light are divided; smaller is finer and larger",
+         {},
+         NumberRange{1e-4, 1.0, false}},
+        {"quad_depth",
+         "1..20",
+         "20",
+         "most levels of directions: fewer is coarser and faster",
+         {},
+         NumberRange{1.0, 20.0, true}},
+        sampler_parameter(),
+    };
+}
+
 const std::map<std::string, std::vector<ParameterDescription>>& table() {
     static const std::map<std::string, std::vector<ParameterDescription>> parameters = {
         {"path", {sampler_parameter()}},
@@ -148,6 +204,7 @@ const std::map<std::string, std::vector<ParameterDescription>>& table() {
            {}},
           sampler_parameter()}},
         {"guided", guided_parameters()},
+        {"ppg", ppg_parameters()},
     };
     return parameters;
 }
@@ -169,6 +226,12 @@ const std::map<std::string, Parameters>& implications() {
           {"long_paths", "search"},
           {"combine", "off"},
           {"selection", "triangles"}}},
+        {"preset=2017",
+         {{"split_count", "12000"},
+          {"spatial_filter", "nearest"},
+          {"directional_filter", "nearest"},
+          {"bsdf_fraction", "0.5"},
+          {"passes", "discard"}}},
     };
     return values;
 }
@@ -210,7 +273,7 @@ bool is_integrator(const std::string& name) {
 }
 
 bool is_planned_integrator(const std::string& name) {
-    static const std::vector<std::string> planned = {"ppg", "sms", "snee"};
+    static const std::vector<std::string> planned = {"sms", "snee"};
     return std::find(planned.begin(), planned.end(), name) != planned.end();
 }
 

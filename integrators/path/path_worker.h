@@ -7,6 +7,7 @@
 #include "guiding/directional_guide.h"
 #include "guiding/film_guide.h"
 #include "integrators/integrator.h"
+#include "integrators/path/path_observer.h"
 #include "integrators/path/wave.h"
 #include "integrators/subpaths/light_tracing.h"
 
@@ -20,6 +21,8 @@ class PathWorker final : public IntegratorWorker {
     PathWorker(const RenderContext& context, const DirectionalGuide* guide, const FilmGuide* film_guide = nullptr,
                const LightTracing* light_tracing = nullptr);
     void render(const SampleBlock& block, SampleBuffer& samples) override;
+    /// Who watches the paths from now on; null: nobody. The observer must outlive its use.
+    void set_observer(PathObserver* observer) { observer_ = observer; }
     /// Radiance that arrives at the rays' origins against their directions, in slots 0 .. count - 1 of `samples`; at
     /// most max_slots_per_block rays of unit direction. `first_index` numbers the samples of all rays alike; rays of
     /// different `seeds` are independent.
@@ -68,6 +71,8 @@ class PathWorker final : public IntegratorWorker {
         special_paths_;  ///< Paths that hit a light or a surface that is not plain (Surfaces::is_plain).
     LightWave lights_;
     ShadowWave shadows_;
+    PathObserver* observer_ = nullptr;
+    PathArray<uint32_t> scattered_from_;  ///< Of each new ray: its vertex. Kept for the observer alone.
     const FilmGuide* film_guide_;
     std::unique_ptr<GuideWorker> guide_;  ///< Null: not guided.
     float least_guided_alpha_ = 0.0F;     ///< DirectionalGuide::least_alpha.
