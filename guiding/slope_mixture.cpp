@@ -47,6 +47,7 @@ void SlopeMixtures::add(std::span<const FoundPoint> found, const Vec3& x, const 
     mixture.first_lobe = static_cast<uint32_t>(lobe_count_);
     float fraction = 0.0F, kernels = 0.0F;
     for (const FoundPoint& near : found) {
+        if (lobe_count_ - mixture.first_lobe >= enough_for_mixture) break;
         const CachedPoint& point = cache_.points[near.index];
         const float width = kernel_width * point.reach;
         const float kernel = width * width / (near.squared_distance + width * width);

@@ -54,6 +54,8 @@ class SlopeMixtures {
 
   private:
     static constexpr size_t enough_lobes = 512;  ///< A group's arrays stay in the first-level cache.
+    /// Further points are not asked then: many lobes overlap, and cover what moves between points by themselves.
+    static constexpr size_t enough_for_mixture = 4;
 
     struct Mixture {
         Vec3 normal{0.0F, 1.0F, 0.0F};

@@ -79,8 +79,8 @@ bool GuidedIntegrator::light_paths_pay(const CasterReport& casters) const {
         const Material& material = context_.surfaces.material(static_cast<uint32_t>(i));
         if (material.roughness * material.roughness < delta_alpha) return true;
     }
-    if (guide() == nullptr) return false;
     const GuidedStatistics& s = statistics_;
+    if (guide() == nullptr) return s.cached_points == 0;  // There was no time to look for a caustic.
     return s.photons == 0 || static_cast<double>(s.served_photons) > least_served * static_cast<double>(s.photons);
 }
 

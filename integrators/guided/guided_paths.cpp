@@ -28,7 +28,9 @@ constexpr double seconds_per_solve = 6e-6;
 /// With a time limit, paths are searched for every so many points first, then for those half-way between, and so on.
 constexpr size_t first_stride = 32;
 
-/// Of the time until search_end: the rest is for lobes and photons.
+/// Of the time until search_end: the pilot's share.
+constexpr double pilot_part = 0.25;
+/// Of what it leaves: the rest is for lobes and photons.
 constexpr double search_part_of_time = 0.75;
 /// The same for paths of one reflection, if longer ones are to be searched too.
 constexpr double single_reflection_part = 0.5;
@@ -58,6 +60,15 @@ struct PathPart {
     RepresentativePaths paths;
     bool is_complete() const { return paths.statistics.dropped_cuts == 0; }
 };
+
+/// Stops after this share of what is left of the time for the search.
+std::function<bool()> stop_at(const GuidedSettings& settings, double share) {
+    if (!settings.search_end) return {};
+    const auto now = std::chrono::steady_clock::now();
+    const auto end =
+        now + std::chrono::duration_cast<std::chrono::steady_clock::duration>(share * (*settings.search_end - now));
+    return [end] { return interrupt_requested || std::chrono::steady_clock::now() >= end; };
+}
 
 PathPart search_part(const GuidedPaths& found, std::vector<uint32_t> receivers, SearchOptions options) {
     std::vector<Vec3> positions;
@@ -161,19 +172,22 @@ GuidedPaths prepare_paths(const RenderContext& context, const CasterReport& cast
 
 uint32_t affordable_points(const RenderContext& context, const GuidedPaths& prepared, const GuidedView& view,
                            const GuidedSettings& settings) {
-    if (settings.cached_points <= pilot_points) return settings.cached_points;
+    const auto pixels = static_cast<uint32_t>(view.crop.width()) * static_cast<uint32_t>(view.crop.height());
+    const uint32_t wanted = std::min(settings.cached_points, pixels);
+    if (wanted <= pilot_points) return wanted;
     const std::vector<Receiver> pilot = choose_receivers(context, view, pilot_points);
     std::vector<Vec3> positions;
     for (const Receiver& r : pilot) positions.push_back(r.position);
     SearchOptions options = search_options(context, settings);
     options.bounces = 1;
     options.accelerator = nullptr;
+    options.should_stop = stop_at(settings, pilot_part);
     const RepresentativePaths paths =
         find_representative_paths(prepared.reflectors, build_receiver_tree(positions), prepared.lights, options);
+    if (paths.statistics.cut_short > 0) return pilot_points;
     const double solves = static_cast<double>(paths.statistics.solves) / pilot_points;
     const double affordable = settings.search_seconds / (seconds_per_solve * std::max(solves, 1.0));
-    return static_cast<uint32_t>(
-        std::clamp(affordable, double{pilot_points}, static_cast<double>(settings.cached_points)));
+    return static_cast<uint32_t>(std::clamp(affordable, double{pilot_points}, static_cast<double>(wanted)));
 }
 
 void search_paths(const RenderContext& context, const GuidedSettings& settings, GuidedPaths& found,
@@ -181,20 +195,13 @@ void search_paths(const RenderContext& context, const GuidedSettings& settings, 
     Stopwatch stopwatch;
     SearchOptions options = search_options(context, settings);
     const int longest = options.bounces;
-    const auto stop_at = [&](double share) -> std::function<bool()> {
-        if (!settings.search_end) return {};
-        const auto now = std::chrono::steady_clock::now();
-        const auto end =
-            now + std::chrono::duration_cast<std::chrono::steady_clock::duration>(share * (*settings.search_end - now));
-        return [end] { return interrupt_requested || std::chrono::steady_clock::now() >= end; };
-    };
     options.bounces = 1;
-    options.should_stop = stop_at(longest > 1 ? single_reflection_part : search_part_of_time);
+    options.should_stop = stop_at(settings, longest > 1 ? single_reflection_part : search_part_of_time);
     std::vector<PathPart> parts = search_single_reflections(options, found);
     if (longest > 1) {
         options.shortest = 2;
         options.bounces = longest;
-        options.should_stop = stop_at(search_part_of_time);
+        options.should_stop = stop_at(settings, search_part_of_time);
         parts.push_back(search_part(found, every_nth(found.receivers.size(), 0, 1), options));
     }
     found.paths = join(parts, found.receivers.size());
@@ -209,6 +216,7 @@ void add_receivers(const RenderContext& context, const GuidedSettings& settings,
     Stopwatch stopwatch;
     SearchOptions options = search_options(context, settings);
     options.bounces = 1;
+    options.should_stop = stop_at(settings, 1.0);
     const size_t before = found.receivers.size();
     std::vector<PathPart> parts;
     parts.push_back({every_nth(before, 0, 1), std::move(found.paths)});

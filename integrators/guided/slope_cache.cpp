@@ -15,8 +15,8 @@ namespace nephroid {
 
 namespace {
 
-/// Lobes that bring less than this share of a point's light are dropped: the protective lobe is above them.
-constexpr float least_weight_share = 1e-4F;
+/// Lobes that bring less than this share of a point's light are dropped: they cost more time than they take noise away.
+constexpr float least_weight_share = 0.01F;
 
 /// Until guide_fractions has found a better one.
 constexpr float trial_fraction = 0.5F;
