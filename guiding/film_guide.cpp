@@ -24,8 +24,11 @@ constexpr float least_contrast = 1.5F;
 /// Probability of the lobes where a highlight outshines all else.
 constexpr float most_fraction = 0.99F;
 
-/// Positions that are drawn for one that is used.
-constexpr uint32_t candidates = 32;
+/// Share of the lobes inside of the pixel above which one position will do.
+constexpr float mostly_inside = 0.9F;
+/// Otherwise so many inside are drawn on average, at most this number in all.
+constexpr float wanted_inside = 4.0F;
+constexpr uint32_t most_candidates = 64;
 
 /// (x + i * step) modulo 1: evenly spread for i = 0, 1, ...
 float spread(float x, uint32_t i, double step) {
@@ -70,7 +73,15 @@ FilmGuide::FilmGuide(const CameraRays& rays, std::span<const FilmLobe> lobes)
             total += shares_.back().weight;
             background = std::max(background, lobes_[lobe].background);
         }
-        for (size_t i = pixel.first; i < shares_.size(); ++i) shares_[i].weight /= total;
+        float inside = 0.0F;
+        for (size_t i = 0; i < found.size(); ++i) {
+            shares_[pixel.first + i].weight /= total;
+            inside += shares_[pixel.first + i].weight * found[i].second.share;
+        }
+        if (inside < mostly_inside) {
+            pixel.candidates =
+                static_cast<uint32_t>(std::min(wanted_inside / inside, static_cast<float>(most_candidates))) + 1;
+        }
         const Vec2 centre(static_cast<float>(pixel.x) + 0.5F, static_cast<float>(pixel.y) + 0.5F);
         const Triple<float> direction = rays_.direction(centre.x, centre.y);
         const CameraView<float> view = projection_.view_along(direction);
@@ -108,11 +119,11 @@ Vec2 FilmGuide::sample(const Pixel& pixel, float u_choice, float u, float v) con
 }
 
 FilmGuide::Position FilmGuide::sample_inside(const Pixel& pixel, float u_choice, float u, float v, float u_pick) const {
-    // Powers of the inverse of the plastic number's cousin in three dimensions: x^4 = x + 1 (Roberts 2018).
+    // Powers of 1 / x with x^4 = x + 1: evenly spread in three dimensions (Roberts 2018).
     constexpr double step = 0.8191725133961645;
     Position chosen;
     uint32_t inside = 0;
-    for (uint32_t i = 0; i < candidates; ++i) {
+    for (uint32_t i = 0; i < pixel.candidates; ++i) {
         const Vec2 film =
             sample(pixel, spread(u_choice, i, step), spread(u, i, step * step), spread(v, i, step * step * step));
         if (std::floor(film.x) != static_cast<float>(pixel.x) || std::floor(film.y) != static_cast<float>(pixel.y)) {
@@ -126,7 +137,7 @@ FilmGuide::Position FilmGuide::sample_inside(const Pixel& pixel, float u_choice,
         u_pick = taken ? u_pick : (u_pick - 1.0F) / static_cast<float>(inside - 1);
     }
     if (inside > 0)
-        chosen.weight = static_cast<float>(inside) / (static_cast<float>(candidates) * pdf(pixel, chosen.film));
+        chosen.weight = static_cast<float>(inside) / (static_cast<float>(pixel.candidates) * pdf(pixel, chosen.film));
     return chosen;
 }
 

@@ -5,9 +5,9 @@
 // they touch, positions come from the lobes with a probability and evenly otherwise. With the density of both, the
 // pixel's mean stays what it is.
 //
-// A lobe reaches beyond its pixel. How much of it lies inside has no closed form; so several positions are drawn, one
+// A lobe may reach beyond its pixel. How much of it lies inside has no closed form; so several positions are drawn, one
 // of those inside is used, and their share is its weight (resampling; Talbot et al. 2005): the mean is right for any
-// number of them.
+// number of them. One that lies inside almost for sure is used as it is, which keeps the samples stratified.
 #pragma once
 
 #include <cstdint>
@@ -34,6 +34,7 @@ class FilmGuide {
         float fraction = 0.0F;  ///< Probability of the lobes.
         uint32_t first = 0;     ///< Of its lobes.
         uint32_t count = 0;
+        uint32_t candidates = 1;  ///< Positions that are drawn for one that is used.
     };
 
     FilmGuide() : projection_(CameraRays{}) {}

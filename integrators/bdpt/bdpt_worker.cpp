@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "integrators/bdpt/bdpt_integrator.h"
+#include "integrators/path/wave_stages.h"
 
 namespace nephroid {
 
@@ -55,7 +56,7 @@ void BdptWorker::render(const SampleBlock& block, SampleBuffer& samples) {
     clear_samples(samples, render_.aovs, block.slot_count());
     samples.splats.clear();
     light_.trace(block, samples);
-    start_camera_paths(block);
+    start_camera_paths(render_, block, film_dimension, tracer_.seeds, tracer_.indices, tracer_.paths);
     const LightSet& lights = render_.lights;
     for (uint32_t bounce = 0; tracer_.paths.rays.count > 0; ++bounce) {
         tracer_.trace(bounce == 0);
@@ -63,7 +64,7 @@ void BdptWorker::render(const SampleBlock& block, SampleBuffer& samples) {
         if (bounce == render_.max_depth || tracer_.vertices.count == 0 || lights.empty()) break;
         sample_lights(bounce);
         weigh_lights();
-        push_shadow_rays();
+        push_shadow_rays(tracer_.vertices, lights_, shadows_);
         shadow_ray_count_ += shadows_.rays.count;
         render_.accelerator.occluded(shadows_.rays, bounce == 0, shadows_.occluded);
         add_unoccluded(render_.aovs, shadows_, samples);
@@ -73,40 +74,6 @@ void BdptWorker::render(const SampleBlock& block, SampleBuffer& samples) {
         tracer_.scatter<Transport::radiance>(
             {bounce, dimension_of(bounce, lobe_and_roulette), dimension_of(bounce, direction), ones_});
     }
-}
-
-// Camera rays, with the film position jittered over the pixel (box filter).
-NEPHROID_FLATTEN void BdptWorker::start_camera_paths(const SampleBlock& block) {
-    const size_t slots = block.slot_count();
-    PathWave& paths = tracer_.paths;
-    AlignedArray<float>& film_x = paths.pdf;  // Free here: densities are in the sums.
-    AlignedArray<float>& film_y = paths.rays.t_max;
-    for (uint32_t s = 0; s < block.sample_count; ++s) {
-        for (uint32_t p = 0; p < block.pixel_count; ++p) {
-            const size_t slot = size_t{s} * block.pixel_count + p;
-            const int x = block.tile_x + block.pixel_x[p];
-            const int y = block.tile_y + block.pixel_y[p];
-            film_x[slot] = static_cast<float>(x);
-            film_y[slot] = static_cast<float>(y);
-            tracer_.seeds[slot] = pixel_seed(static_cast<uint32_t>(x), static_cast<uint32_t>(y), render_.seed);
-            tracer_.indices[slot] = block.first_sample + s;
-            paths.slot[slot] = static_cast<uint32_t>(slot);
-            paths.flags[slot] = 0;
-        }
-    }
-    RayBatch& rays = paths.rays;
-    for (size_t i = 0; i < slots; i += simd_width) {
-        const UintV seed(&tracer_.seeds[i], stdx::vector_aligned);
-        const UintV index(&tracer_.indices[i], stdx::vector_aligned);
-        const auto [jitter_x, jitter_y] = sample_2d(render_.sampler, seed, index, film_dimension);
-        const FloatV x = load(film_x, i) + jitter_x;
-        const FloatV y = load(film_y, i) + jitter_y;
-        rays.count = i;
-        append_rays(rays, render_.camera_rays.origin(x, y), render_.camera_rays.direction(x, y),
-                    FloatV(std::numeric_limits<float>::infinity()), FloatV::mask_type(true));
-        paths.throughput.store(i, {FloatV(1.0F), FloatV(1.0F), FloatV(1.0F)});
-    }
-    rays.count = slots;
 }
 
 // Adds what hit lights emit and finds the surface points that scatter.
@@ -125,12 +92,12 @@ void BdptWorker::find_vertices(uint32_t bounce, SampleBuffer& samples) {
             const SurfaceInteraction surface =
                 surfaces.interact(object, hits.primitive[i], hits.u[i], hits.v[i], -tracer_.paths.rays.direction(i));
             if (surfaces.emits(object)) add_surface_emission(i, surface, bounce, samples);
-            tracer_.push_vertex(i, surface);
+            push_vertex(tracer_.paths, i, surface, tracer_.vertices);
         }
     }
     if (bounce == 0) {
         start_sums();
-        record_first_hits(samples);
+        record_first_hits(render_.aovs, hits, tracer_.vertices, samples);
     } else {
         tracer_.carry_sums();
     }
@@ -151,27 +118,8 @@ void BdptWorker::set_flags() {
     VertexWave& vertices = tracer_.vertices;
     for (size_t k = 0; k < vertices.count; ++k) {
         const size_t path = vertices.path[k];
-        if (!render_.surfaces.is_caster(tracer_.hits.object[path])) {
-            vertices.flags[k] = receiver_seen;
-        } else {
-            vertices.flags[k] = (tracer_.paths.flags[path] & receiver_seen) != 0 ? receiver_seen | on_caster_chain : 0U;
-        }
-    }
-}
-
-void BdptWorker::record_first_hits(SampleBuffer& samples) const {
-    const AovSelection& aovs = render_.aovs;
-    if (!aovs.depth && !aovs.normal && !aovs.albedo) return;
-    const VertexWave& vertices = tracer_.vertices;
-    for (size_t k = 0; k < vertices.count; ++k) {
-        const size_t slot = vertices.slot[k];
-        samples.depth[slot] = tracer_.hits.t[vertices.path[k]];
-        const Vec3 normal = vertices.shading_normal.get(k);
-        const Rgb albedo = vertices.base.get(k);
-        for (int c = 0; c < 3; ++c) {
-            samples.normal[c][slot] = normal[c];
-            samples.albedo[c][slot] = albedo[c];
-        }
+        const bool is_caster = render_.surfaces.is_caster(tracer_.hits.object[path]);
+        vertices.flags[k] = path_flags_at(is_caster, tracer_.paths.flags[path]);
     }
 }
 
@@ -292,31 +240,6 @@ NEPHROID_FLATTEN void BdptWorker::weigh_lights() {
         const Triple<FloatV> contribution =
             vertices.throughput.load(k) * bsdf.value * lights_.radiance.load(k) * (weight / pdf);
         lights_.radiance.store(k, select<FloatV>(lit, contribution, {zero, zero, zero}));
-    }
-}
-
-// Shadow rays of the vertices that a light reaches.
-NEPHROID_FLATTEN void BdptWorker::push_shadow_rays() {
-    const FloatV infinity(std::numeric_limits<float>::infinity());
-    const VertexWave& vertices = tracer_.vertices;
-    RayBatch& rays = shadows_.rays;
-    rays.count = 0;
-    for (size_t k = 0; k < vertices.count; k += simd_width) {
-        const Triple<FloatV> contribution = lights_.radiance.load(k);
-        // "Not zero" rather than "positive": a non-finite contribution must arrive where it is counted.
-        const auto lit =
-            first_lanes(vertices.count - k) &&
-            !(contribution.x == FloatV(0.0F) && contribution.y == FloatV(0.0F) && contribution.z == FloatV(0.0F));
-        const Triple<FloatV> wi = lights_.wi.load(k);
-        const Triple<FloatV> origin =
-            offset_ray_origin(vertices.position.load(k), vertices.error.load(k), vertices.geometric_normal.load(k), wi);
-        const auto endless = load(lights_.infinite, k) > FloatV(0.0F);
-        const Triple<FloatV> direction = select<FloatV>(endless, wi, lights_.target.load(k) - origin);
-        append_rays(rays, origin, direction, select(endless, infinity, FloatV(segment_end)), lit);
-        shadows_.contribution.append(rays.count, contribution, lit);
-        compress_store(&shadows_.slot[rays.count], UintV(&vertices.slot[k], stdx::vector_aligned), lit);
-        compress_store(&shadows_.caustic[rays.count], UintV(&lights_.caustic[k], stdx::vector_aligned), lit);
-        rays.count += count_of(lit);
     }
 }
 

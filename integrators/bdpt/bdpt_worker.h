@@ -13,11 +13,9 @@ class BdptWorker final : public IntegratorWorker {
     uint64_t rays() const override;
 
   private:
-    void start_camera_paths(const SampleBlock& block);
     void find_vertices(uint32_t bounce, SampleBuffer& samples);
     void start_sums();
     void set_flags();
-    void record_first_hits(SampleBuffer& samples) const;
     void add_escaped(size_t path, uint32_t bounce, SampleBuffer& samples);
     void add_sphere_light(size_t path, uint32_t light, uint32_t bounce, SampleBuffer& samples);
     void add_surface_emission(size_t path, const SurfaceInteraction& surface, uint32_t bounce, SampleBuffer& samples);
@@ -25,7 +23,6 @@ class BdptWorker final : public IntegratorWorker {
     void sample_lights(uint32_t bounce);
     void sample_light(size_t k, float u_select, Vec2 u);
     void weigh_lights();
-    void push_shadow_rays();
 
     const LightTracing& context_;
     const RenderContext& render_;

@@ -7,6 +7,7 @@
 #include "core/rounding.h"
 #include "integrators/mis.h"
 #include "integrators/path/path_integrator.h"
+#include "integrators/path/wave_stages.h"
 
 namespace nephroid {
 
@@ -19,10 +20,6 @@ enum VertexDimension : uint32_t { lobe_and_roulette, direction, light_point, lig
 constexpr uint32_t dimension_of(uint32_t bounce, VertexDimension dimension) {
     return 1 + bounce * per_vertex + dimension;
 }
-
-/// Scatterings before Russian roulette: short paths carry most of the light and are never cut.
-constexpr uint32_t roulette_start = 4;
-constexpr float least_survival = 0.05F;
 
 /// Throughput below which a path may end before, where a guide has taken its light already.
 constexpr float spent_throughput = 0.05F;
@@ -63,7 +60,7 @@ PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* gui
 
 void PathWorker::render(const SampleBlock& block, SampleBuffer& samples) {
     clear_samples(samples, context_.aovs, block.slot_count());
-    start_paths(block);
+    start_camera_paths(context_, block, film_dimension, seeds_, indices_, paths_);
     if (film_guide_ != nullptr) guide_film_positions(block);
     trace_paths(samples);
 }
@@ -84,7 +81,7 @@ void PathWorker::trace_paths(SampleBuffer& samples) {
             if (guided) choose_directions(bounce);
             if (rivals_ && bounce > 0) find_ray_densities();
             weigh_lights(bounce, guided);
-            push_shadow_rays();
+            push_shadow_rays(vertices_, lights_, shadows_);
             rays_ += shadows_.rays.count;
             context_.accelerator.occluded(shadows_.rays, bounce == 0, shadows_.occluded);
             add_unoccluded(context_.aovs, shadows_, samples);
@@ -117,46 +114,6 @@ void PathWorker::incident_radiance(const RayBatch& rays, std::span<const uint32_
         indices_[i] = first_index;
     }
     trace_paths(samples);
-}
-
-// Camera rays, with the film position jittered over the pixel (box filter).
-NEPHROID_FLATTEN void PathWorker::start_paths(const SampleBlock& block) {
-    const size_t slots = block.slot_count();
-    AlignedArray<float>& film_x = paths_.pdf;  // Borrowed until the loop below writes the densities.
-    AlignedArray<float>& film_y = paths_.rays.t_max;
-    for (uint32_t s = 0; s < block.sample_count; ++s) {
-        for (uint32_t p = 0; p < block.pixel_count; ++p) {
-            const size_t slot = size_t{s} * block.pixel_count + p;
-            const int x = block.tile_x + block.pixel_x[p];
-            const int y = block.tile_y + block.pixel_y[p];
-            film_x[slot] = static_cast<float>(x);
-            film_y[slot] = static_cast<float>(y);
-            seeds_[slot] = pixel_seed(static_cast<uint32_t>(x), static_cast<uint32_t>(y), context_.seed);
-            indices_[slot] = block.first_sample + s;
-            paths_.slot[slot] = static_cast<uint32_t>(slot);
-            paths_.flags[slot] = 0;
-        }
-    }
-    RayBatch& rays = paths_.rays;
-    rays.count = slots;
-    for (size_t i = 0; i < slots; i += simd_width) {
-        const UintV seed(&seeds_[i], stdx::vector_aligned);
-        const UintV index(&indices_[i], stdx::vector_aligned);
-        const auto [jitter_x, jitter_y] = sample_2d(context_.sampler, seed, index, film_dimension);
-        const FloatV x = load(film_x, i) + jitter_x;
-        const FloatV y = load(film_y, i) + jitter_y;
-        const Triple<FloatV> origin = context_.camera_rays.origin(x, y);
-        const Triple<FloatV> direction = context_.camera_rays.direction(x, y);
-        origin.x.copy_to(&rays.origin_x[i], stdx::vector_aligned);
-        origin.y.copy_to(&rays.origin_y[i], stdx::vector_aligned);
-        origin.z.copy_to(&rays.origin_z[i], stdx::vector_aligned);
-        direction.x.copy_to(&rays.direction_x[i], stdx::vector_aligned);
-        direction.y.copy_to(&rays.direction_y[i], stdx::vector_aligned);
-        direction.z.copy_to(&rays.direction_z[i], stdx::vector_aligned);
-        paths_.throughput.store(i, {FloatV(1.0F), FloatV(1.0F), FloatV(1.0F)});
-        FloatV(0.0F).copy_to(&paths_.pdf[i], stdx::vector_aligned);
-        FloatV(std::numeric_limits<float>::infinity()).copy_to(&rays.t_max[i], stdx::vector_aligned);
-    }
 }
 
 // Pixels of the block with highlights start anew.
@@ -211,7 +168,7 @@ void PathWorker::collect_vertices(uint32_t bounce, SampleBuffer& samples) {
         if (!plain && (object != no_hit || has_environment)) special_paths_.push_back(static_cast<uint32_t>(i));
     }
     vertices_.count = vertex_count;
-    interpolate_plain_vertices();
+    interpolate_plain_vertices(surfaces, paths_, hits_, vertices_);
     for (const uint32_t i : special_paths_) {
         const uint32_t object = hits_.object[i];
         if (object == no_hit) {
@@ -222,10 +179,11 @@ void PathWorker::collect_vertices(uint32_t bounce, SampleBuffer& samples) {
             const SurfaceInteraction surface =
                 surfaces.interact(object, hits_.primitive[i], hits_.u[i], hits_.v[i], -paths_.rays.direction(i));
             if (surfaces.emits(object)) add_surface_emission(i, surface, samples);
-            if (!last) push_vertex(i, surface);
+            if (!last) push_vertex(paths_, i, surface, vertices_);
         }
     }
-    if (bounce == 0) record_first_hits(samples);
+    if (context_.aovs.caustic) set_flags();
+    if (bounce == 0) record_first_hits(context_.aovs, hits_, vertices_, samples);
     if (rivals_) carry_sums(bounce);
 }
 
@@ -245,71 +203,11 @@ NEPHROID_FLATTEN void PathWorker::carry_sums(uint32_t bounce) {
     }
 }
 
-NEPHROID_FLATTEN void PathWorker::interpolate_plain_vertices() {
-    const RayBatch& rays = paths_.rays;
-    for (size_t k = 0; k < vertices_.count; k += simd_width) {
-        const auto active = first_lanes(vertices_.count - k);
-        const UintV path(&vertices_.path[k], stdx::vector_aligned);
-        TriangleCorners<FloatV> corners;
-        BsdfParameters<FloatV> bsdf;
-        context_.surfaces.load_plain(gather(hits_.object.data(), path, active),
-                                     gather(hits_.primitive.data(), path, active), active, corners, bsdf);
-        const Triple<FloatV> wo{-gather(rays.direction_x.data(), path, active),
-                                -gather(rays.direction_y.data(), path, active),
-                                -gather(rays.direction_z.data(), path, active)};
-        const SurfaceGeometry<FloatV> g = interpolate_surface(corners, gather(hits_.u.data(), path, active),
-                                                              gather(hits_.v.data(), path, active), wo);
-        vertices_.position.store(k, g.position);
-        vertices_.error.store(k, g.error);
-        vertices_.geometric_normal.store(k, g.geometric_normal);
-        vertices_.shading_normal.store(k, face_forward(g.shading_normal, g.geometric_normal));
-        vertices_.wo.store(k, wo);
-        vertices_.throughput.store(k, paths_.throughput.gather(path, active));
-        vertices_.base.store(k, bsdf.base);
-        vertices_.coat_f0.store(k, bsdf.coat_f0);
-        bsdf.coat_f90.copy_to(&vertices_.coat_f90[k], stdx::vector_aligned);
-        bsdf.metallic.copy_to(&vertices_.metallic[k], stdx::vector_aligned);
-        bsdf.alpha.copy_to(&vertices_.alpha[k], stdx::vector_aligned);
-        gather(paths_.slot.data(), path, active).copy_to(&vertices_.slot[k], stdx::vector_aligned);
-    }
-    if (!context_.aovs.caustic) return;
-    for (size_t k = 0; k < vertices_.count; ++k) vertices_.flags[k] = flags_at(vertices_.path[k]);
-}
-
-/// PathFlags at the surface that a path has hit.
-uint32_t PathWorker::flags_at(size_t path) const {
-    if (!context_.surfaces.is_caster(hits_.object[path])) return receiver_seen;
-    return (paths_.flags[path] & receiver_seen) != 0 ? receiver_seen | on_caster_chain : 0U;
-}
-
-void PathWorker::push_vertex(size_t path, const SurfaceInteraction& surface) {
-    const size_t k = vertices_.count++;
-    vertices_.path[k] = static_cast<uint32_t>(path);
-    vertices_.position.set(k, surface.position);
-    vertices_.error.set(k, surface.error);
-    vertices_.geometric_normal.set(k, surface.geometric_normal);
-    vertices_.shading_normal.set(k, surface.shading_normal);
-    vertices_.wo.set(k, -paths_.rays.direction(path));
-    vertices_.throughput.set(k, paths_.throughput.get(path));
-    vertices_.set_bsdf(k, surface.bsdf);
-    vertices_.slot[k] = paths_.slot[path];
-    vertices_.flags[k] = flags_at(path);
-}
-
-void PathWorker::record_first_hits(SampleBuffer& samples) const {
-    const AovSelection& aovs = context_.aovs;
-    if (!aovs.depth && !aovs.normal && !aovs.albedo) return;
+void PathWorker::set_flags() {
     for (size_t k = 0; k < vertices_.count; ++k) {
-        const size_t slot = vertices_.slot[k];
-        // One, but where a film guide has a say.
-        const float weight = vertices_.throughput.get(k).x;
-        samples.depth[slot] = weight * hits_.t[vertices_.path[k]];
-        const Vec3 normal = vertices_.shading_normal.get(k);
-        const Rgb albedo = vertices_.base.get(k);
-        for (int c = 0; c < 3; ++c) {
-            samples.normal[c][slot] = weight * normal[c];
-            samples.albedo[c][slot] = weight * albedo[c];
-        }
+        const size_t path = vertices_.path[k];
+        const bool is_caster = context_.surfaces.is_caster(hits_.object[path]);
+        vertices_.flags[k] = path_flags_at(is_caster, paths_.flags[path]);
     }
 }
 
@@ -506,30 +404,6 @@ NEPHROID_FLATTEN void PathWorker::weigh_lights(uint32_t bounce, bool guided) {
         const Triple<FloatV> contribution =
             vertices_.throughput.load(i) * bsdf.value * lights_.radiance.load(i) * weight;
         lights_.radiance.store(i, select<FloatV>(lit, contribution, {zero, zero, zero}));
-    }
-}
-
-// Shadow rays of the vertices that a light reaches.
-NEPHROID_FLATTEN void PathWorker::push_shadow_rays() {
-    const FloatV infinity(std::numeric_limits<float>::infinity());
-    RayBatch& rays = shadows_.rays;
-    rays.count = 0;
-    for (size_t k = 0; k < vertices_.count; k += simd_width) {
-        const Triple<FloatV> contribution = lights_.radiance.load(k);
-        // "Not zero" rather than "positive": a non-finite contribution must arrive where it is counted.
-        const auto lit =
-            first_lanes(vertices_.count - k) &&
-            !(contribution.x == FloatV(0.0F) && contribution.y == FloatV(0.0F) && contribution.z == FloatV(0.0F));
-        const Triple<FloatV> wi = lights_.wi.load(k);
-        const Triple<FloatV> origin = offset_ray_origin(vertices_.position.load(k), vertices_.error.load(k),
-                                                        vertices_.geometric_normal.load(k), wi);
-        const auto endless = load(lights_.infinite, k) > FloatV(0.0F);
-        const Triple<FloatV> direction = select<FloatV>(endless, wi, lights_.target.load(k) - origin);
-        append_rays(rays, origin, direction, select(endless, infinity, FloatV(segment_end)), lit);
-        shadows_.contribution.append(rays.count, contribution, lit);
-        compress_store(&shadows_.slot[rays.count], UintV(&vertices_.slot[k], stdx::vector_aligned), lit);
-        compress_store(&shadows_.caustic[rays.count], UintV(&lights_.caustic[k], stdx::vector_aligned), lit);
-        rays.count += count_of(lit);
     }
 }
 

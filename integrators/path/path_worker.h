@@ -31,7 +31,6 @@ class PathWorker final : public IntegratorWorker {
     uint64_t rays() const override { return rays_; }
 
   private:
-    void start_paths(const SampleBlock& block);
     void guide_film_positions(const SampleBlock& block);
     void guide_film_positions(const SampleBlock& block, uint32_t p, const FilmGuide::Pixel& pixel);
     void trace_paths(SampleBuffer& samples);
@@ -44,15 +43,11 @@ class PathWorker final : public IntegratorWorker {
     float weight_of_hit(size_t path, float light_pdf) const;
     void carry_sums(uint32_t bounce);
     void find_ray_densities();
-    void interpolate_plain_vertices();
-    uint32_t flags_at(size_t path) const;
-    void push_vertex(size_t path, const SurfaceInteraction& surface);
-    void record_first_hits(SampleBuffer& samples) const;
+    void set_flags();
     void sample_lights(uint32_t bounce);
     void sample_single_light(const PunctualLight& light);
     void choose_directions(uint32_t bounce);
     void weigh_lights(uint32_t bounce, bool guided);
-    void push_shadow_rays();
     template <bool guided>
     void scatter(uint32_t bounce);
     FloatV survival_probability(const FloatV& before, const FloatV& after, uint32_t bounce) const;

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "integrators/path/wave_stages.h"
+
 namespace nephroid {
 
 namespace {
@@ -117,8 +119,10 @@ void LightSubpaths::find_vertices(uint32_t bounce) {
     for (const uint32_t i : tracer_.special) {
         const uint32_t object = tracer_.hits.object[i];
         if (object >= surfaces.object_count()) continue;  // A sphere light reflects nothing.
-        tracer_.push_vertex(i, surfaces.interact(object, tracer_.hits.primitive[i], tracer_.hits.u[i],
-                                                 tracer_.hits.v[i], -tracer_.paths.rays.direction(i)));
+        push_vertex(tracer_.paths, i,
+                    surfaces.interact(object, tracer_.hits.primitive[i], tracer_.hits.u[i], tracer_.hits.v[i],
+                                      -tracer_.paths.rays.direction(i)),
+                    tracer_.vertices);
     }
     if (bounce == 0) {
         start_sums();

@@ -1,5 +1,7 @@
 #include "integrators/subpaths/subpath_tracer.h"
 
+#include "integrators/path/wave_stages.h"
+
 namespace nephroid {
 
 SubpathTracer::SubpathTracer(const RenderContext& context)
@@ -30,49 +32,7 @@ void SubpathTracer::find_plain_vertices(bool wants_misses) {
         if (!plain && (object != no_hit || wants_misses)) special.push_back(static_cast<uint32_t>(i));
     }
     vertices.count = vertex_count;
-    interpolate_plain_vertices();
-}
-
-NEPHROID_FLATTEN void SubpathTracer::interpolate_plain_vertices() {
-    const RayBatch& rays = paths.rays;
-    for (size_t k = 0; k < vertices.count; k += simd_width) {
-        const auto active = first_lanes(vertices.count - k);
-        const UintV path(&vertices.path[k], stdx::vector_aligned);
-        TriangleCorners<FloatV> corners;
-        BsdfParameters<FloatV> bsdf;
-        context_.surfaces.load_plain(gather(hits.object.data(), path, active),
-                                     gather(hits.primitive.data(), path, active), active, corners, bsdf);
-        const Triple<FloatV> wo{-gather(rays.direction_x.data(), path, active),
-                                -gather(rays.direction_y.data(), path, active),
-                                -gather(rays.direction_z.data(), path, active)};
-        const SurfaceGeometry<FloatV> g =
-            interpolate_surface(corners, gather(hits.u.data(), path, active), gather(hits.v.data(), path, active), wo);
-        vertices.position.store(k, g.position);
-        vertices.error.store(k, g.error);
-        vertices.geometric_normal.store(k, g.geometric_normal);
-        vertices.shading_normal.store(k, face_forward(g.shading_normal, g.geometric_normal));
-        vertices.wo.store(k, wo);
-        vertices.throughput.store(k, paths.throughput.gather(path, active));
-        vertices.base.store(k, bsdf.base);
-        vertices.coat_f0.store(k, bsdf.coat_f0);
-        bsdf.coat_f90.copy_to(&vertices.coat_f90[k], stdx::vector_aligned);
-        bsdf.metallic.copy_to(&vertices.metallic[k], stdx::vector_aligned);
-        bsdf.alpha.copy_to(&vertices.alpha[k], stdx::vector_aligned);
-        gather(paths.slot.data(), path, active).copy_to(&vertices.slot[k], stdx::vector_aligned);
-    }
-}
-
-void SubpathTracer::push_vertex(size_t path, const SurfaceInteraction& surface) {
-    const size_t k = vertices.count++;
-    vertices.path[k] = static_cast<uint32_t>(path);
-    vertices.position.set(k, surface.position);
-    vertices.error.set(k, surface.error);
-    vertices.geometric_normal.set(k, surface.geometric_normal);
-    vertices.shading_normal.set(k, surface.shading_normal);
-    vertices.wo.set(k, -paths.rays.direction(path));
-    vertices.throughput.set(k, paths.throughput.get(path));
-    vertices.set_bsdf(k, surface.bsdf);
-    vertices.slot[k] = paths.slot[path];
+    interpolate_plain_vertices(surfaces, paths, hits, vertices);
 }
 
 NEPHROID_FLATTEN void SubpathTracer::carry_sums() {
@@ -114,8 +74,8 @@ NEPHROID_FLATTEN void SubpathTracer::scatter(const Scattering& how) {
         }
         const FloatV scale = one / gather(how.reference.data(), slot, active);
         FloatV survival = one;
-        if (how.bounce + 1 > bdpt_roulette_start) {
-            survival = minimum(one, maximum(FloatV(bdpt_least_survival), max_component(weight) * scale));
+        if (how.bounce + 1 > roulette_start) {
+            survival = minimum(one, maximum(FloatV(least_survival), max_component(weight) * scale));
             weight = weight * (one / survival);
         }
         const auto lives = active && (u_roulette < survival) && (max_component(weight) > zero) && (cosine > zero);

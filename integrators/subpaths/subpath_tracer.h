@@ -7,10 +7,6 @@
 
 namespace nephroid {
 
-/// Russian roulette as in the path tracer: from the fifth scattering on, by throughput.
-inline constexpr uint32_t bdpt_roulette_start = 4;
-inline constexpr float bdpt_least_survival = 0.05F;
-
 /// Which way light runs along the sub-path.
 enum class Transport : uint8_t { radiance, importance };
 
@@ -32,7 +28,6 @@ class SubpathTracer {
     /// Vertices at hits on surfaces without texture, emission or instance; all other hits and misses are listed in
     /// `special`, for the caller to push_vertex what scatters.
     void find_plain_vertices(bool wants_misses);
-    void push_vertex(size_t path, const SurfaceInteraction& surface);
     /// Sums from the last scattering carried to the vertices; not for first vertices.
     void carry_sums();
 
@@ -54,8 +49,6 @@ class SubpathTracer {
     MisArray sums;
 
   private:
-    void interpolate_plain_vertices();
-
     const RenderContext& context_;
     uint64_t ray_count_ = 0;
 };
