@@ -16,7 +16,7 @@ namespace nephroid {
 namespace {
 
 /// Lobes that bring less than this share of a point's light are dropped: they cost more time than they take noise away.
-constexpr float least_weight_share = 0.01F;
+constexpr float least_weight_share = 0.003F;
 
 /// Until guide_fractions has found a better one.
 constexpr float trial_fraction = 0.5F;
