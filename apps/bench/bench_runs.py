@@ -12,6 +12,7 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 
 from bench_environment import ROOT, SCENES_FOLDER
 
@@ -199,6 +200,21 @@ class Progress:
 
 def say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
+
+
+def exit_code(work: Callable[[], bool]) -> int:
+    """Of a script that does `work`, which says whether all went well; what goes wrong becomes one line."""
+    try:
+        return 0 if work() else 1
+    except BenchError as error:
+        say(f"error: {error}")
+        return 1
+    except OSError as error:
+        say(f"error: {error.filename}: {error.strerror}")
+        return 1
+    except KeyboardInterrupt:
+        say("interrupted; the runs that are done will be reused")
+        return INTERRUPTED
 
 
 # ---- running

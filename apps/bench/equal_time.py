@@ -28,9 +28,9 @@ if __name__ == "__main__":
 
 import bench_errors
 import report
-from bench_runs import (INTERRUPTED, BenchError, Hashes, OneLineParser, Progress, add_common_options,
-                        add_reference_options, check_render, longest_run, one_run, parse_methods, positive_count,
-                        positive_seconds, read_json, reference_for, say, scene_name, write_json)
+from bench_runs import (BenchError, Hashes, OneLineParser, Progress, add_common_options, add_reference_options,
+                        check_render, exit_code, longest_run, one_run, parse_methods, positive_count, positive_seconds,
+                        read_json, reference_for, say, scene_name, write_json)
 
 
 def parse_crop(text: str) -> tuple[int, int, int, int]:
@@ -126,38 +126,33 @@ def add_others(arguments, results: dict, noise: dict) -> dict:
     return results_of(arguments, methods, references, records, noise)
 
 
+def compare(arguments) -> bool:
+    """Runs, measures and reports; whether every run succeeded."""
+    check_render(arguments)
+    width, height = arguments.size
+    if arguments.crop and (arguments.crop[2] > width or arguments.crop[3] > height):
+        raise BenchError(f"--crop: outside the picture of {width}x{height}")
+    hashes = Hashes()
+    references = {scene: reference_for(arguments, scene) for scene in arguments.scenes}
+    records = run_all(arguments, references, hashes)
+    by_name = {scene_name(scene): path for scene, path in references.items()}
+    noise = measure(arguments.out, records, by_name, hashes)
+    methods = [{"name": method.name, "options": method.options()} for method in arguments.methods]
+    results = results_of(arguments, methods, by_name, records, noise)
+    results["render_sha256"] = hashes[arguments.render]
+    if arguments.others:
+        results = {**results, **add_others(arguments, results, noise)}
+    write_json(os.path.join(arguments.out, "results.json"), results)
+    page = os.path.join(arguments.out, "report.html")
+    report.write_report(results, arguments.out, page, arguments.crop)
+    print(report.markdown(results))
+    say(f"report: {page}")
+    return not any("failure" in record for record in records)
+
+
 def main() -> int:
     arguments = parse_arguments()
-    try:
-        check_render(arguments)
-        width, height = arguments.size
-        if arguments.crop and (arguments.crop[2] > width or arguments.crop[3] > height):
-            raise BenchError(f"--crop: outside the picture of {width}x{height}")
-        hashes = Hashes()
-        references = {scene: reference_for(arguments, scene) for scene in arguments.scenes}
-        records = run_all(arguments, references, hashes)
-        by_name = {scene_name(scene): path for scene, path in references.items()}
-        noise = measure(arguments.out, records, by_name, hashes)
-        methods = [{"name": method.name, "options": method.options()} for method in arguments.methods]
-        results = results_of(arguments, methods, by_name, records, noise)
-        results["render_sha256"] = hashes[arguments.render]
-        if arguments.others:
-            results = {**results, **add_others(arguments, results, noise)}
-        write_json(os.path.join(arguments.out, "results.json"), results)
-        page = os.path.join(arguments.out, "report.html")
-        report.write_report(results, arguments.out, page, arguments.crop)
-        print(report.markdown(results))
-        say(f"report: {page}")
-    except BenchError as error:
-        say(f"error: {error}")
-        return 1
-    except OSError as error:
-        say(f"error: {error.filename}: {error.strerror}")
-        return 1
-    except KeyboardInterrupt:
-        say("interrupted; the runs that are done will be reused")
-        return INTERRUPTED
-    return 1 if any("failure" in record for record in records) else 0
+    return exit_code(lambda: compare(arguments))
 
 
 if __name__ == "__main__":

@@ -28,9 +28,9 @@ if __name__ == "__main__":
 import numpy
 
 from bench_errors import luminance, read_exr, write_half_exr
-from bench_runs import (INTERRUPTED, REFERENCES_FOLDER, BenchError, Hashes, OneLineParser, Progress, add_common_options,
-                        check_render, longest_run, made_of, one_run, parse_methods, positive_count, positive_seconds,
-                        reference_stem, say, scene_name, write_json)
+from bench_runs import (REFERENCES_FOLDER, BenchError, Hashes, OneLineParser, Progress, add_common_options,
+                        check_render, exit_code, longest_run, made_of, one_run, parse_methods, positive_count,
+                        positive_seconds, reference_stem, say, scene_name, write_json)
 
 sys.path.insert(0, os.path.join(bench_environment.ROOT, "tests", "mitsuba"))
 from statistics_tests import sidak_threshold, welch  # noqa: E402: the folder must be known before
@@ -157,24 +157,19 @@ def make_reference(arguments, scene: str, hashes: Hashes, progress: Progress) ->
     return not lines
 
 
+def make_references(arguments) -> bool:
+    """Whether the integrators agree on every scene."""
+    check_render(arguments)
+    hashes = Hashes()
+    progress = Progress(len(arguments.scenes) * 2 * arguments.chunks)
+    agree = [make_reference(arguments, scene, hashes, progress) for scene in arguments.scenes]
+    progress.close()
+    return all(agree)
+
+
 def main() -> int:
     arguments = parse_arguments()
-    try:
-        check_render(arguments)
-        hashes = Hashes()
-        progress = Progress(len(arguments.scenes) * 2 * arguments.chunks)
-        agree = [make_reference(arguments, scene, hashes, progress) for scene in arguments.scenes]
-        progress.close()
-    except BenchError as error:
-        say(f"error: {error}")
-        return 1
-    except OSError as error:
-        say(f"error: {error.filename}: {error.strerror}")
-        return 1
-    except KeyboardInterrupt:
-        say("interrupted; the runs that are done will be reused")
-        return INTERRUPTED
-    return 0 if all(agree) else 1
+    return exit_code(lambda: make_references(arguments))
 
 
 if __name__ == "__main__":

@@ -38,9 +38,9 @@ if __name__ == "__main__":
 
 import numpy  # noqa: E402
 
-from bench_runs import (INTERRUPTED, BenchError, Hashes, OneLineParser, Progress, add_common_options,  # noqa: E402
-                        add_reference_options, check_render, file_name, is_number, longest_run, positive_count,
-                        positive_seconds, read_json, reference_for, run_process, say, scene_name, write_json)
+from bench_runs import (Hashes, OneLineParser, Progress, add_common_options, add_reference_options,  # noqa: E402
+                        check_render, exit_code, file_name, is_number, longest_run, positive_count, positive_seconds,
+                        read_json, reference_for, run_process, scene_name, write_json)
 
 INTEGRATORS = ("path", "ptracer")
 
@@ -212,34 +212,29 @@ def run_all(arguments, references: dict[str, str], hashes: Hashes) -> list[dict]
     return records
 
 
+def compare(arguments) -> bool:
+    """Runs, measures and reports; whether every run succeeded."""
+    import equal_time
+    import report
+    check_render(arguments)
+    hashes = Hashes()
+    references = {scene: reference_for(arguments, scene) for scene in arguments.scenes}
+    records = run_all(arguments, references, hashes)
+    by_name = {scene_name(scene): path for scene, path in references.items()}
+    noise = equal_time.measure(arguments.out, records, by_name, hashes)
+    methods = [{"name": f"mitsuba-{name}", "options": [arguments.variant, name]} for name in arguments.integrators]
+    results = equal_time.results_of(arguments, methods, by_name, records, noise)
+    write_json(os.path.join(arguments.out, "results.json"), results)
+    print(report.markdown(results))
+    return not any("failure" in record for record in records)
+
+
 def main() -> int:
     if RENDER_FLAG in sys.argv:
         render_one(json.loads(sys.argv[-1]))
         return 0
     arguments = parse_arguments()
-    import equal_time
-    import report
-    try:
-        check_render(arguments)
-        hashes = Hashes()
-        references = {scene: reference_for(arguments, scene) for scene in arguments.scenes}
-        records = run_all(arguments, references, hashes)
-        by_name = {scene_name(scene): path for scene, path in references.items()}
-        noise = equal_time.measure(arguments.out, records, by_name, hashes)
-        methods = [{"name": f"mitsuba-{name}", "options": [arguments.variant, name]} for name in arguments.integrators]
-        results = equal_time.results_of(arguments, methods, by_name, records, noise)
-        write_json(os.path.join(arguments.out, "results.json"), results)
-        print(report.markdown(results))
-    except BenchError as error:
-        say(f"error: {error}")
-        return 1
-    except OSError as error:
-        say(f"error: {error.filename}: {error.strerror}")
-        return 1
-    except KeyboardInterrupt:
-        say("interrupted; the runs that are done will be reused")
-        return INTERRUPTED
-    return 1 if any("failure" in record for record in records) else 0
+    return exit_code(lambda: compare(arguments))
 
 
 if __name__ == "__main__":

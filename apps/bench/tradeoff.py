@@ -26,9 +26,9 @@ if __name__ == "__main__":
 
 import bench_errors
 import tradeoff_page
-from bench_runs import (INTERRUPTED, BenchError, Hashes, Method, OneLineParser, Progress, add_common_options,
-                        add_reference_options, check_render, longest_run, one_run, parse_scenes, positive_count,
-                        positive_seconds, read_json, reference_for, say, scene_name, write_json)
+from bench_runs import (BenchError, Hashes, Method, OneLineParser, Progress, add_common_options, add_reference_options,
+                        check_render, exit_code, longest_run, one_run, parse_scenes, positive_count, positive_seconds,
+                        read_json, reference_for, say, scene_name, write_json)
 from tradeoff_knobs import KNOBS, SCENE_KNOBS, scene_variant
 
 MEASURES = ["rmse", "relmse", "relmse_trimmed", "spp", "precompute_seconds", "first_pass_seconds", "wall_seconds",
@@ -145,30 +145,25 @@ def measure(arguments) -> dict:
     return results
 
 
+def sweep_or_write_page(arguments) -> bool:
+    """What the options ask for; whether every run succeeded."""
+    if arguments.page:
+        path = os.path.join(arguments.out, "tradeoff.json")
+        results = read_json(path)
+        if not results:
+            raise BenchError(f"{path}: no results; run without --page first")
+        tradeoff_page.write_page(results, arguments.page)
+        say(f"{arguments.page}: written")
+        return True
+    results = measure(arguments)
+    tradeoff_page.draw_all(results, arguments.out)
+    print(tradeoff_page.tables(results))
+    return not any(point["failures"] for sweep in results["sweeps"] for point in sweep["points"])
+
+
 def main() -> int:
     arguments = parse_arguments()
-    try:
-        if arguments.page:
-            path = os.path.join(arguments.out, "tradeoff.json")
-            results = read_json(path)
-            if not results:
-                raise BenchError(f"{path}: no results; run without --page first")
-            tradeoff_page.write_page(results, arguments.page)
-            say(f"{arguments.page}: written")
-            return 0
-        results = measure(arguments)
-        tradeoff_page.draw_all(results, arguments.out)
-        print(tradeoff_page.tables(results))
-    except BenchError as error:
-        say(f"error: {error}")
-        return 1
-    except OSError as error:
-        say(f"error: {error.filename}: {error.strerror}")
-        return 1
-    except KeyboardInterrupt:
-        say("interrupted; the runs that are done will be reused")
-        return INTERRUPTED
-    return 1 if any(point["failures"] for sweep in results["sweeps"] for point in sweep["points"]) else 0
+    return exit_code(lambda: sweep_or_write_page(arguments))
 
 
 if __name__ == "__main__":
