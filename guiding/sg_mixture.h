@@ -33,7 +33,7 @@ class SgMixtures {
     // As in SlopeMixtures.
     void clear() { is_full_ = false; }
     bool is_full() const { return is_full_; }
-    void add(std::span<const FoundPoint> found, const Vec3& x, const Vec3& normal);
+    void add(std::span<const FoundPoint> found, const GuideVertex& vertex);
     void prepare() {}
     float fraction(size_t) const { return fraction_; }
     Vec3 sample(size_t, float u_choice, float u, float v) const;

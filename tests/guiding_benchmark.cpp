@@ -73,7 +73,9 @@ Scheme guided_scheme(const std::string& name, const Receiver& receiver, const Mi
     const size_t count = mixtures.cache.lookup.find(receiver.position, receiver.geometric_normal, found);
     mixture = std::make_unique<Mixture>(mixtures.cache, mixtures.options);
     mixture->clear();
-    if (count > 0) mixture->add(std::span(found).first(count), receiver.position, receiver.geometric_normal);
+    if (count > 0) {
+        mixture->add(std::span(found).first(count), diffuse_guide_vertex(receiver.position, receiver.geometric_normal));
+    }
     mixture->prepare();
     const float fraction = count > 0 ? mixture->fraction(0) : 0.0F;
     return {name, [&receiver, &mixture, fraction](const Vec3& w) {

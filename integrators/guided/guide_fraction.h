@@ -11,14 +11,19 @@
 
 namespace nephroid {
 
+struct GuideTrial {
+    float fraction = 0.0F;        ///< CachedPoint::fraction.
+    float other_radiance = 0.0F;  ///< CachedPoint::other_radiance.
+};
+
 /// For every cached point, which is a receiver. Paths start from each in directions of mixture and BSDF alike, and the
 /// second moment of the estimator is summed up for every fraction in question; the least one wins. What lobes do not
 /// cover (light that is no caustic, caustics of more reflections) raises the moment of high fractions. Such light is
 /// rare: moments are shared with the points around, and where photons (with their `coverage` by the cache) have found
 /// caustic light that is left to the BSDF, it counts as they say. Deterministic.
-std::vector<float> guide_fractions(const RenderContext& context, std::span<const Receiver> receivers,
-                                   const SlopeCache& cache, const SlopeMixtureOptions& options,
-                                   const std::vector<CausticPhoton>& photons,
-                                   const std::vector<PhotonCoverage>& coverage);
+std::vector<GuideTrial> try_guide(const RenderContext& context, std::span<const Receiver> receivers,
+                                  const SlopeCache& cache, const SlopeMixtureOptions& options,
+                                  const std::vector<CausticPhoton>& photons,
+                                  const std::vector<PhotonCoverage>& coverage);
 
 }  // namespace nephroid

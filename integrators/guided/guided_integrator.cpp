@@ -25,7 +25,7 @@ std::optional<GuideFacts> facts_of(const MixtureCache<Mixture>& mixtures, const 
     if (count == 0) return std::nullopt;
     Mixture mixture(mixtures.cache, mixtures.options);
     mixture.clear();
-    mixture.add(std::span(found).first(count), position, normal);
+    mixture.add(std::span(found).first(count), diffuse_guide_vertex(position, normal));
     mixture.prepare();
     return GuideFacts{std::sqrt(found[0].squared_distance), mixture.lobe_count(0), mixture.heaviest(0)};
 }
@@ -115,6 +115,7 @@ std::optional<IntegratorStatistics> GuidedIntegrator::statistics() const {
     return IntegratorStatistics{"guiding",
                                 {{"cached_points", s.cached_points},
                                  {"added_points", s.added_points},
+                                 {"reflector_points", s.reflector_points},
                                  {"photons", s.photons},
                                  {"served_photons", s.served_photons},
                                  {"light_path_per", light_tracing_ ? uint64_t{light_tracing_->one_in} : 0},

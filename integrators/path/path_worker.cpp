@@ -358,7 +358,7 @@ NEPHROID_FLATTEN void PathWorker::choose_directions(uint32_t bounce) {
         u.copy_to(&batch.u[k], stdx::vector_aligned);
         v.copy_to(&batch.v[k], stdx::vector_aligned);
     }
-    guide_->guide({vertices_.position, vertices_.geometric_normal, lights_.wi}, batch);
+    guide_->guide(guide_points(vertices_, vertices_.wo, lights_.wi), batch);
 }
 
 // The direction that BSDF or guide chose, weighted by the density of both together.
