@@ -31,6 +31,13 @@ struct SlopeLobe {
 
     /// |det K|.
     F determinant() const { return absolute(dot(axis, cross(row1, row2))); }
+    /// Whether rounding leaves the determinant, and with it the density of what is sampled, its first digits: rows that
+    /// are nearly parallel cancel.
+    MaskOf<F> is_precise() const {
+        const F volume = determinant();
+        return volume * volume > F(least_sine * least_sine) * dot(row1, row1) * dot(row2, row2);
+    }
+    static constexpr float least_sine = 1e-3F;
 };
 
 /// Density of GGX's slopes at squared length `squared` in units of the width, per squared unit, times pi.

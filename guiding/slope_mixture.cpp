@@ -133,7 +133,7 @@ NEPHROID_FLATTEN void SlopeMixtures::warp() {
                                               {load(from_x_), load(from_y_), load(from_z_)}, options_.warp);
         const FloatV determinant = lobe.determinant();
         const auto usable = active && (determinant > zero) && (determinant < FloatV(most_determinant)) &&
-                            (dot(lobe.axis, lobe.axis) < FloatV(2.0F));
+                            lobe.is_precise() && (dot(lobe.axis, lobe.axis) < FloatV(2.0F));
         const auto fields = std::bit_cast<std::array<FloatV, 9>>(lobe);
         for (size_t f = 0; f < fields.size(); ++f) {
             select(usable, fields[f], zero).copy_to(&lobe_[f][i], stdx::vector_aligned);
