@@ -145,8 +145,8 @@ TEST_CASE("slope and Jacobian of a cached lobe are those of the solver's constra
         const SlopeAtPoint<float> at = slope_at(lobe, x, lobe.y, lobe.normal, lobe.tangent);
         const SlopeJacobian<float> j = slope_jacobian(lobe, at);
         const SlopeConstraint& exact = evaluation.constraints[0];
-        CHECK(double{at.slope1} == doctest::Approx(exact.slope.x).epsilon(1e-4));
-        CHECK(double{at.slope2} == doctest::Approx(exact.slope.y).epsilon(1e-4));
+        CHECK(double{at.half.slope.c1} == doctest::Approx(exact.slope.x).epsilon(1e-4));
+        CHECK(double{at.half.slope.c2} == doctest::Approx(exact.slope.y).epsilon(1e-4));
         const double size = std::sqrt(glm::dot(exact.by_vertex[0], exact.by_vertex[0]) +
                                       glm::dot(exact.by_vertex[1], exact.by_vertex[1]));
         CHECK(std::abs(double{j.j11} - exact.by_vertex[0].x) < 1e-4 * size);
