@@ -71,6 +71,7 @@ class CachedGuide final : public DirectionalGuide {
 
       private:
         static constexpr float largest_below_one = 0x1.fffffep-1F;
+        static constexpr size_t cells_ahead = 8;  ///< Of look-ups: memory's latency.
 
         /// Shading points from `first` on until the group is full; returns the next one.
         size_t collect_group(const GuidePoints& points, GuideBatch& batch, size_t first) {
@@ -78,6 +79,7 @@ class CachedGuide final : public DirectionalGuide {
             group_size_ = 0;
             size_t k = first;
             for (; k < batch.count && !mixtures_.is_full(); ++k) {
+                if (k + cells_ahead < batch.count) lookup_.prefetch(cells_[k + cells_ahead]);
                 batch.guided[k] = 0.0F;
                 if (batch.fraction[k] == 0.0F) continue;
                 const Vec3 position = points.position.get(k), normal = points.geometric_normal.get(k);

@@ -63,6 +63,7 @@ void SlopeMixtures::collect(const CachedPoint& point, float kernel, const Vec3& 
     for (uint32_t k = 0; k < point.lobe_count; ++k) {
         const size_t i = lobe_count_++;
         cached_[i] = point.first_lobe + k;
+        cache_.lobes.prefetch(cached_[i]);
         kernel_[i] = kernel;
         from_x_[i] = point.position.x;
         from_y_[i] = point.position.y;
