@@ -1,0 +1,121 @@
+#include "integrators/guided/fraction_learner.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <bit>
+#include <cstdlib>
+#include <numeric>
+#include <span>
+
+#include "core/byte_stream.h"
+#include "integrators/guided/stopwatch.h"
+
+namespace nephroid {
+
+namespace {
+
+double env(const char* name, double value) {
+    const char* text = std::getenv(name);
+    return text ? std::atof(text) : value;
+}
+
+/// Cached points that learn together: one sees few samples, and a bright one must not decide alone.
+constexpr size_t shared_points = 16;
+
+double total_of(const OddsMoments& moments) {
+    return std::accumulate(moments.begin(), moments.end(), 0.0);
+}
+
+void add_scaled(OddsMoments& sum, const OddsMoments& moments, double scale) {
+    for (size_t bin = 0; bin < odds_bins; ++bin) sum[bin] += scale * moments[bin];
+}
+
+}  // namespace
+
+double mean_fraction(const std::vector<CachedPoint>& points) {
+    double sum = 0.0, count = 0.0;
+    for (const CachedPoint& point : points) {
+        if (point.lobe_count == 0) continue;
+        sum += double{point.fraction};
+        count += 1.0;
+    }
+    return count > 0.0 ? sum / count : 0.0;
+}
+
+FractionLearner::FractionLearner(SlopeCache& cache, std::vector<OddsMoments> expected)
+    : cache_(cache), expected_(std::move(expected)), counts_(cache.points.size()) {
+    moments_.resize(odds_bins * cache.points.size());
+}
+
+std::optional<uint32_t> FractionLearner::next_lesson(uint32_t samples) const {
+    const auto last_lesson = static_cast<uint32_t>(env("L_LAST", 64));
+    if (samples >= last_lesson) return std::nullopt;
+    return std::bit_ceil(samples + 1);
+}
+
+void FractionLearner::learn(uint32_t) {
+    Stopwatch stopwatch;
+    seen_.resize(counts_.size());
+    tbb::parallel_for(size_t{0}, seen_.size(), [&](size_t i) {
+        for (size_t bin = 0; bin < odds_bins; ++bin) seen_[i][bin] = moments_.sum(odds_bins * i + bin);
+    });
+    tbb::parallel_for(size_t{0}, cache_.points.size(), [&](size_t i) {
+        CachedPoint& point = cache_.points[i];
+        if (point.lobe_count > 0) point.fraction = fraction_at(static_cast<uint32_t>(i));
+    });
+    ++lessons_;
+    seconds_ += stopwatch.lap();
+}
+
+float FractionLearner::fraction_at(uint32_t point) const {
+    const double cap = env("L_CAP", 4), prior = env("L_PRIOR", 512);
+    const CachedPoint& at = cache_.points[point];
+    std::array<FoundPoint, shared_points> found;
+    const auto near = std::span(found).first(cache_.lookup.find(at.position, at.normal, found));
+    std::array<double, shared_points> totals;
+    double count = 0.0;
+    OddsMoments expected{};
+    for (size_t i = 0; i < near.size(); ++i) {
+        totals[i] = total_of(seen_[near[i].index]);
+        count += static_cast<double>(counts_[near[i].index]);
+        add_scaled(expected, expected_[near[i].index], 1.0);
+    }
+    auto sorted = totals;
+    std::sort(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(near.size()));
+    const double median = near.empty() ? 0.0 : sorted[near.size() / 2];
+    OddsMoments sum{};
+    for (size_t i = 0; i < near.size(); ++i) {
+        const double most = cap * median;
+        const double weight = median > 0.0 && totals[i] > most ? most / totals[i] : 1.0;
+        add_scaled(sum, seen_[near[i].index], weight);
+    }
+    const double total = total_of(sum), expected_total = total_of(expected);
+    OddsMoments both{};
+    if (total > 0.0) add_scaled(both, sum, count / total);
+    if (expected_total > 0.0) add_scaled(both, expected, prior / expected_total);
+    return least_variance_fraction(both, at.fraction);
+}
+
+std::vector<uint8_t> FractionLearner::state() const {
+    ByteWriter writer;
+    writer.value(lessons_);
+    writer.array(moments_.sums());
+    writer.array(counts_);
+    std::vector<float> fractions;
+    for (const CachedPoint& point : cache_.points) fractions.push_back(point.fraction);
+    writer.array(fractions);
+    return writer.take();
+}
+
+void FractionLearner::restore(const std::vector<uint8_t>& state) {
+    ByteReader reader(state);
+    lessons_ = reader.value<uint64_t>();
+    reader.array(moments_.sums());
+    reader.array(counts_);
+    std::vector<float> fractions;
+    reader.array(fractions);
+    for (size_t i = 0; i < fractions.size(); ++i) cache_.points[i].fraction = fractions[i];
+}
+
+}  // namespace nephroid
