@@ -23,12 +23,34 @@ double env(const char* name, double value) {
 /// Cached points that learn together: one sees few samples, and a bright one must not decide alone.
 constexpr size_t shared_points = 16;
 
+/// A point whose moment is more than so many times the median of its neighbourhood counts as so many: some of it is one
+/// bright sample.
+const double most_over_median = env("L_CAP", 4);
+
+/// What was expected before rendering counts as so many samples of a neighbourhood.
+const double samples_expected = env("L_PRIOR", 64);
+
 double total_of(const OddsMoments& moments) {
     return std::accumulate(moments.begin(), moments.end(), 0.0);
 }
 
+/// Of the values, which may be none; they are left as they are.
+double median(std::span<const double> values) {
+    std::array<double, shared_points> sorted{};
+    std::copy(values.begin(), values.end(), sorted.begin());
+    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(sorted.begin(), middle, sorted.begin() + static_cast<std::ptrdiff_t>(values.size()));
+    return *middle;
+}
+
 void add_scaled(OddsMoments& sum, const OddsMoments& moments, double scale) {
     for (size_t bin = 0; bin < odds_bins; ++bin) sum[bin] += scale * moments[bin];
+}
+
+/// Adds the moments at a scale of their own: as those of so many samples of weight one.
+void add_share(OddsMoments& sum, const OddsMoments& moments, double samples) {
+    const double total = total_of(moments);
+    if (total > 0.0) add_scaled(sum, moments, samples / total);
 }
 
 }  // namespace
@@ -69,32 +91,24 @@ void FractionLearner::learn(uint32_t) {
 }
 
 float FractionLearner::fraction_at(uint32_t point) const {
-    const double cap = env("L_CAP", 4), prior = env("L_PRIOR", 512);
     const CachedPoint& at = cache_.points[point];
     std::array<FoundPoint, shared_points> found;
     const auto near = std::span(found).first(cache_.lookup.find(at.position, at.normal, found));
-    std::array<double, shared_points> totals;
-    double count = 0.0;
-    OddsMoments expected{};
+    std::array<double, shared_points> totals{};
+    double samples = 0.0;
     for (size_t i = 0; i < near.size(); ++i) {
         totals[i] = total_of(seen_[near[i].index]);
-        count += static_cast<double>(counts_[near[i].index]);
-        add_scaled(expected, expected_[near[i].index], 1.0);
+        samples += static_cast<double>(counts_[near[i].index]);
     }
-    auto sorted = totals;
-    std::sort(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(near.size()));
-    const double median = near.empty() ? 0.0 : sorted[near.size() / 2];
-    OddsMoments sum{};
+    const double most = most_over_median * median(std::span(totals).first(near.size()));
+    OddsMoments seen{};
     for (size_t i = 0; i < near.size(); ++i) {
-        const double most = cap * median;
-        const double weight = median > 0.0 && totals[i] > most ? most / totals[i] : 1.0;
-        add_scaled(sum, seen_[near[i].index], weight);
+        add_scaled(seen, seen_[near[i].index], totals[i] > most ? most / totals[i] : 1.0);
     }
-    const double total = total_of(sum), expected_total = total_of(expected);
-    OddsMoments both{};
-    if (total > 0.0) add_scaled(both, sum, count / total);
-    if (expected_total > 0.0) add_scaled(both, expected, prior / expected_total);
-    return least_variance_fraction(both, at.fraction);
+    OddsMoments moments{};
+    add_share(moments, seen, samples);
+    if (!expected_.empty()) add_share(moments, expected_[point], samples_expected);
+    return least_variance_fraction(moments, at.fraction);
 }
 
 std::vector<uint8_t> FractionLearner::state() const {

@@ -17,8 +17,8 @@ namespace nephroid {
 
 class FractionLearner final : public Learner {
   public:
-    /// Keeps a reference to the cache, whose fractions it changes. `expected`: of each cached point, as before
-    /// rendering (guide_fraction.h).
+    /// Keeps a reference to the cache, whose fractions it changes. `expected`: of each cached point
+    /// (guide_fraction.h); empty: nothing is.
     FractionLearner(SlopeCache& cache, std::vector<OddsMoments> expected);
 
     /// A sample that the guide of the cached point had a say in: its w, by odds_bin. Thread-safe.

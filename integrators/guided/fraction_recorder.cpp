@@ -1,7 +1,6 @@
 #include "integrators/guided/fraction_recorder.h"
 
 #include <algorithm>
-#include <cstdlib>
 
 namespace nephroid {
 
@@ -31,18 +30,14 @@ void FractionRecorder::scattered(const ScatteredPaths& scattered, const SampleBu
             bin = static_cast<uint32_t>(odds_bin(guide_pdf, bsdf_pdf));
         }
         const uint32_t slot = paths.slot[i];
-        choices_.push_back({slot, directions.place[vertex], bin, density,
-                            luminance(scattered.vertices.throughput.get(vertex)), luminance_of(samples, slot)});
+        choices_.push_back({slot, directions.place[vertex], bin, density, luminance_of(samples, slot)});
     }
 }
 
 void FractionRecorder::finished(const SampleBuffer& samples) {
-    static const bool absolute = std::getenv("L_ABS") != nullptr;
     for (const Choice& choice : choices_) {
         const float found = luminance_of(samples, choice.slot) - choice.reached;
-        if (!(found > 0.0F) || !(choice.throughput > 0.0F)) continue;
-        const float contribution = absolute ? found : found / choice.throughput;
-        learner_.record(choice.point, choice.bin, contribution * contribution * choice.density);
+        if (found > 0.0F) learner_.record(choice.point, choice.bin, found * found * choice.density);
     }
     choices_.clear();
 }

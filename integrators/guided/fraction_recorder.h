@@ -1,4 +1,6 @@
-// Watches guided paths: of every scattering that the guide had a say in, what the path found by it.
+// Watches guided paths: of every scattering that the guide had a say in, what the path found by it. That counts as it
+// does in the picture, throughput before the vertex and weights against light paths included: it is the picture's
+// variance that shall be least.
 #pragma once
 
 #include <utility>
@@ -20,11 +22,10 @@ class FractionRecorder final : public PathObserver {
   private:
     struct Choice {
         uint32_t slot;
-        uint32_t point;    ///< Cached.
-        uint32_t bin;      ///< odds_bin of the direction.
-        float density;     ///< p / (f + g): see odds_moments.h.
-        float throughput;  ///< When the path arrived; luminance.
-        float reached;     ///< What it had gathered, next event estimation at the vertex included; luminance.
+        uint32_t point;  ///< Cached.
+        uint32_t bin;    ///< odds_bin of the direction.
+        float density;   ///< p / (f + g): see odds_moments.h.
+        float reached;   ///< What it had gathered, next event estimation at the vertex included; luminance.
     };
 
     FractionLearner& learner_;
