@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <cstdlib>
 #include <numeric>
 #include <span>
 
@@ -15,20 +14,25 @@ namespace nephroid {
 
 namespace {
 
-double env(const char* name, double value) {
-    const char* text = std::getenv(name);
-    return text ? std::atof(text) : value;
-}
+/// Later samples change little: docs/guiding.md.
+constexpr uint32_t last_lesson = 64;
 
 /// Cached points that learn together: one sees few samples, and a bright one must not decide alone.
 constexpr size_t shared_points = 16;
 
-/// A point whose moment is more than so many times the median of its neighbourhood counts as so many: some of it is one
-/// bright sample.
-const double most_over_median = env("L_CAP", 4);
+/// The same for directions that the BSDF prefers: what they find is smoother in space, but for bright samples so rare
+/// that most neighbourhoods have not met theirs yet. Points lie along a Morton curve, but for the last ones.
+constexpr size_t averaged_points = 256;
+
+/// A point whose moment by the guide is more than so many times the median of its neighbourhood counts as so many: some
+/// of it is one bright sample.
+constexpr double most_over_median = 4.0;
 
 /// What was expected before rendering counts as so many samples of a neighbourhood.
-const double samples_expected = env("L_PRIOR", 64);
+constexpr double samples_expected = 64.0;
+
+/// From here on the guide prefers the direction.
+constexpr size_t first_guide_bin = odds_bins / 2;
 
 double total_of(const OddsMoments& moments) {
     return std::accumulate(moments.begin(), moments.end(), 0.0);
@@ -41,6 +45,10 @@ double median(std::span<const double> values) {
     const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
     std::nth_element(sorted.begin(), middle, sorted.begin() + static_cast<std::ptrdiff_t>(values.size()));
     return *middle;
+}
+
+double guide_total_of(const OddsMoments& moments) {
+    return std::accumulate(moments.begin() + first_guide_bin, moments.end(), 0.0);
 }
 
 void add_scaled(OddsMoments& sum, const OddsMoments& moments, double scale) {
@@ -71,7 +79,6 @@ FractionLearner::FractionLearner(SlopeCache& cache, std::vector<OddsMoments> exp
 }
 
 std::optional<uint32_t> FractionLearner::next_lesson(uint32_t samples) const {
-    const auto last_lesson = static_cast<uint32_t>(env("L_LAST", 64));
     if (samples >= last_lesson) return std::nullopt;
     return std::bit_ceil(samples + 1);
 }
@@ -90,6 +97,26 @@ void FractionLearner::learn(uint32_t) {
     seconds_ += stopwatch.lap();
 }
 
+// Of the BSDF's bins. One point never counts for more than all others.
+OddsMoments FractionLearner::bsdf_moments_around(size_t point) const {
+    const size_t first = point - std::min(point, averaged_points / 2);
+    const size_t end = std::min(seen_.size(), point + averaged_points / 2 + 1);
+    OddsMoments sum{};
+    double samples = 0.0, total = 0.0, most = 0.0;
+    size_t brightest = first;
+    for (size_t i = first; i < end; ++i) {
+        add_scaled(sum, seen_[i], 1.0);
+        samples += static_cast<double>(counts_[i]);
+        const double here = total_of(seen_[i]) - guide_total_of(seen_[i]);
+        total += here;
+        if (here > most) most = here, brightest = i;
+    }
+    if (most > total - most) add_scaled(sum, seen_[brightest], (total - most) / most - 1.0);
+    OddsMoments mean{};
+    for (size_t bin = 0; bin < first_guide_bin && samples > 0.0; ++bin) mean[bin] = std::max(sum[bin], 0.0) / samples;
+    return mean;
+}
+
 float FractionLearner::fraction_at(uint32_t point) const {
     const CachedPoint& at = cache_.points[point];
     std::array<FoundPoint, shared_points> found;
@@ -97,7 +124,7 @@ float FractionLearner::fraction_at(uint32_t point) const {
     std::array<double, shared_points> totals{};
     double samples = 0.0;
     for (size_t i = 0; i < near.size(); ++i) {
-        totals[i] = total_of(seen_[near[i].index]);
+        totals[i] = guide_total_of(seen_[near[i].index]);
         samples += static_cast<double>(counts_[near[i].index]);
     }
     const double most = most_over_median * median(std::span(totals).first(near.size()));
@@ -105,6 +132,8 @@ float FractionLearner::fraction_at(uint32_t point) const {
     for (size_t i = 0; i < near.size(); ++i) {
         add_scaled(seen, seen_[near[i].index], totals[i] > most ? most / totals[i] : 1.0);
     }
+    const OddsMoments around = bsdf_moments_around(point);
+    for (size_t bin = 0; bin < first_guide_bin; ++bin) seen[bin] = samples * around[bin];
     OddsMoments moments{};
     add_share(moments, seen, samples);
     if (!expected_.empty()) add_share(moments, expected_[point], samples_expected);

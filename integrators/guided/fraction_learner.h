@@ -21,7 +21,7 @@ class FractionLearner final : public Learner {
     /// (guide_fraction.h); empty: nothing is.
     FractionLearner(SlopeCache& cache, std::vector<OddsMoments> expected);
 
-    /// A sample that the guide of the cached point had a say in: its w, by odds_bin. Thread-safe.
+    /// A sample that found light, where the guide of the cached point had a say: its w, by odds_bin. Thread-safe.
     void record(uint32_t point, uint32_t bin, float moment) {
         moments_.add(odds_bins * size_t{point} + bin, moment);
         std::atomic_ref<uint64_t>(counts_[point]).fetch_add(1, std::memory_order_relaxed);
@@ -40,12 +40,13 @@ class FractionLearner final : public Learner {
     double seconds() const { return seconds_; }  ///< Of lessons, this run only.
 
   private:
+    OddsMoments bsdf_moments_around(size_t point) const;
     float fraction_at(uint32_t point) const;
 
     SlopeCache& cache_;
     std::vector<OddsMoments> expected_;
     ExactFloatSums moments_;         ///< By point and bin.
-    std::vector<uint64_t> counts_;   ///< Samples by point.
+    std::vector<uint64_t> counts_;   ///< Samples that found light, by point.
     std::vector<OddsMoments> seen_;  ///< While learning: moments_.
     bool recording_ = true;
     uint64_t lessons_ = 0;

@@ -16,7 +16,7 @@ namespace nephroid {
 
 namespace {
 
-const uint32_t path_count = getenv("L_PATHS") ? atoi(getenv("L_PATHS")) : 64;
+constexpr uint32_t path_count = 64;
 constexpr size_t shared_points = 16;
 constexpr size_t averaged_points = 256;  ///< For what photons tell.
 /// Above so many times the BSDF's density, trial paths find the light well enough.
@@ -82,7 +82,7 @@ class FractionTrial {
     SlopeMixtures mixtures_;
     PathWorker worker_;
     RayBatch rays_;
-    std::array<uint32_t, 64> seeds_{};
+    std::array<uint32_t, path_count> seeds_{};
     SampleBuffer samples_;
     uint32_t seed_;
 };

@@ -62,7 +62,7 @@ GuidedIntegrator::GuidedIntegrator(const RenderContext& context, const CasterRep
         options.warp = settings.slope_warp;
         MadeSlopeCache made = make_slope_cache(context, found, settings, statistics_);
         keep(slope_lobes_, std::move(made.cache), options);
-        if (slope_lobes_ && !settings.guide_fraction && getenv("L_OFF") == nullptr) {
+        if (slope_lobes_ && !settings.guide_fraction) {
             learner_ = std::make_unique<FractionLearner>(slope_lobes_->cache, std::move(made.expected));
         }
     } else {
