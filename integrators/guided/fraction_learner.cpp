@@ -109,7 +109,9 @@ OddsMoments FractionLearner::bsdf_moments_around(size_t point) const {
         samples += static_cast<double>(counts_[i]);
         const double here = total_of(seen_[i]) - guide_total_of(seen_[i]);
         total += here;
-        if (here > most) most = here, brightest = i;
+        if (!(here > most)) continue;
+        most = here;
+        brightest = i;
     }
     if (most > total - most) add_scaled(sum, seen_[brightest], (total - most) / most - 1.0);
     OddsMoments mean{};
