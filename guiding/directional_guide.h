@@ -22,7 +22,8 @@ struct GuideBatch {
           fraction(capacity),
           pdf(capacity),
           light_pdf(capacity),
-          guided(capacity) {}
+          guided(capacity),
+          place(capacity) {}
 
     size_t count = 0;
     bool wants_light_pdf = false;  ///< Otherwise light_direction is not read and light_pdf not written.
@@ -41,6 +42,7 @@ struct GuideBatch {
     PathArray<float> pdf;        ///< The mixture's density of `direction`, per solid angle.
     PathArray<float> light_pdf;  ///< The same of light_direction.
     PathArray<float> guided;     ///< 1: the direction is the guide's; also where fraction is zero.
+    PathArray<uint32_t> place;   ///< For observers: what the guide knows it from, its nearest cached point.
 };
 
 /// Where the vertices of a batch are.

@@ -86,6 +86,7 @@ class CachedGuide final : public DirectionalGuide {
                 const size_t count = lookup_.find_in_cell(cells_[k], position, normal, found_);
                 batch.fraction[k] = 0.0F;
                 if (count == 0) continue;
+                batch.place[k] = found_[0].index;
                 mixtures_.add(std::span(found_).first(count), position, normal);
                 group_[group_size_++] = static_cast<uint32_t>(k);
             }

@@ -16,9 +16,6 @@ namespace nephroid {
 
 namespace {
 
-constexpr std::array<float, 8> candidates{0.1F, 0.25F, 0.4F, 0.55F, 0.7F, 0.8F, 0.88F, 0.94F};
-using Moments = std::array<double, candidates.size()>;
-
 constexpr uint32_t path_count = 64;
 constexpr size_t shared_points = 16;
 constexpr size_t averaged_points = 256;  ///< For what photons tell.
@@ -38,10 +35,10 @@ class FractionTrial {
 
     /// Second moments of one sample's estimate of the irradiance at a diffuse receiver, (W/m^2)^2 of luminance; zero
     /// where there are no lobes.
-    Moments moments(const Receiver& receiver, uint32_t index) {
+    OddsMoments moments(const Receiver& receiver, uint32_t index) {
         std::array<FoundPoint, SlopeMixtures::most_points> found;
         const size_t count = lookup_.find(receiver.position, receiver.geometric_normal, found);
-        Moments sums{};
+        OddsMoments sums{};
         if (count == 0) return sums;
         mixtures_.clear();
         mixtures_.add(std::span(found).first(count), receiver.position, receiver.geometric_normal);
@@ -70,18 +67,15 @@ class FractionTrial {
         }
     }
 
-    void add_sample(const Receiver& receiver, size_t i, Moments& sums) const {
+    void add_sample(const Receiver& receiver, size_t i, OddsMoments& sums) const {
         const Rgb radiance(samples_.radiance[0][i], samples_.radiance[1][i], samples_.radiance[2][i]);
         const Vec3 direction = rays_.direction(i);
         const double cosine = double{glm::dot(receiver.geometric_normal, direction)};
         const double integrand = double{luminance(radiance)} * cosine;
-        const double bsdf_pdf = cosine * double{inv_pi}, guide_pdf = double{mixtures_.pdf(0, direction)};
-        const double tried = integrand * integrand / (0.5 * (bsdf_pdf + guide_pdf));
-        if (!std::isfinite(tried)) return;
-        for (size_t k = 0; k < candidates.size(); ++k) {
-            const double b = double{candidates[k]};
-            sums[k] += tried / (b * guide_pdf + (1.0 - b) * bsdf_pdf);
-        }
+        const float bsdf_pdf = static_cast<float>(cosine) * inv_pi, guide_pdf = mixtures_.pdf(0, direction);
+        const double both = double{bsdf_pdf} + double{guide_pdf};
+        const double moment = integrand * integrand / (0.5 * both * both);
+        if (std::isfinite(moment)) sums[odds_bin(guide_pdf, bsdf_pdf)] += moment;
     }
 
     const CachedPointLookup& lookup_;
@@ -96,25 +90,26 @@ class FractionTrial {
 /// Moments of the light that the guide leaves to the BSDF, which a few trial paths would not see: the mean over the
 /// cached points around, for few photons tell of it either. Points lie along a Morton curve, but for the last ones,
 /// which were added.
-std::vector<Moments> uncovered_moments(const SlopeCache& cache, const std::vector<CausticPhoton>& photons,
-                                       const std::vector<PhotonCoverage>& coverage) {
+std::vector<OddsMoments> uncovered_moments(const SlopeCache& cache, const std::vector<CausticPhoton>& photons,
+                                           const std::vector<PhotonCoverage>& coverage) {
     const size_t count = cache.points.size();
-    std::vector<Moments> up_to(count + 1);
+    std::vector<OddsMoments> up_to(count + 1);
     for (size_t i = 0; i < photons.size(); ++i) {
         const PhotonCoverage& at = coverage[i];
         if (!(most_covered * at.bsdf_pdf > at.guide_pdf)) continue;
         const double flux = double{photons[i].power} / double{cached_area(cache.points[at.nearest])};
-        for (size_t k = 0; k < candidates.size(); ++k) {
-            up_to[at.nearest + 1][k] += path_count * flux * double{at.sample_value(photons[i], candidates[k])};
-        }
+        // Of radiance times cosine, where a trial path's w has its square over the sampling density and both together.
+        const double moment = path_count * flux * double{photons[i].radiance} * double{at.bsdf_pdf * pi} /
+                              (double{at.guide_pdf} + double{at.bsdf_pdf});
+        up_to[at.nearest + 1][odds_bin(at.guide_pdf, at.bsdf_pdf)] += moment;
     }
     for (size_t i = 0; i < count; ++i) {
-        for (size_t k = 0; k < candidates.size(); ++k) up_to[i + 1][k] += up_to[i][k];
+        for (size_t k = 0; k < odds_bins; ++k) up_to[i + 1][k] += up_to[i][k];
     }
-    std::vector<Moments> means(count);
+    std::vector<OddsMoments> means(count);
     for (size_t i = 0; i < count; ++i) {
         const size_t first = i - std::min(i, averaged_points / 2), end = std::min(count, i + averaged_points / 2 + 1);
-        for (size_t k = 0; k < candidates.size(); ++k) {
+        for (size_t k = 0; k < odds_bins; ++k) {
             means[i][k] = (up_to[end][k] - up_to[first][k]) / static_cast<double>(end - first);
         }
     }
@@ -123,30 +118,29 @@ std::vector<Moments> uncovered_moments(const SlopeCache& cache, const std::vecto
 
 }  // namespace
 
-std::vector<float> guide_fractions(const RenderContext& context, std::span<const Receiver> receivers,
-                                   const SlopeCache& cache, const SlopeMixtureOptions& options,
-                                   const std::vector<CausticPhoton>& photons,
-                                   const std::vector<PhotonCoverage>& coverage) {
+std::vector<OddsMoments> expected_moments(const RenderContext& context, std::span<const Receiver> receivers,
+                                          const SlopeCache& cache, const SlopeMixtureOptions& options,
+                                          const std::vector<CausticPhoton>& photons,
+                                          const std::vector<PhotonCoverage>& coverage) {
     tbb::enumerable_thread_specific<std::unique_ptr<FractionTrial>> threads;
-    std::vector<Moments> moments(receivers.size());
+    std::vector<OddsMoments> moments(receivers.size());
     tbb::parallel_for(size_t{0}, receivers.size(), [&](size_t i) {
         auto& trial = threads.local();
         if (!trial) trial = std::make_unique<FractionTrial>(context, cache, options);
         moments[i] = trial->moments(receivers[i], static_cast<uint32_t>(i));
     });
-    const std::vector<Moments> uncovered = uncovered_moments(cache, photons, coverage);
-    std::vector<float> fractions(receivers.size());
+    const std::vector<OddsMoments> uncovered = uncovered_moments(cache, photons, coverage);
+    std::vector<OddsMoments> expected(receivers.size());
     for (size_t i = 0; i < receivers.size(); ++i) {
         std::array<FoundPoint, shared_points> found;
         const size_t count = cache.lookup.find(receivers[i].position, receivers[i].geometric_normal, found);
-        Moments sums = moments[i];
+        OddsMoments& sums = expected[i] = moments[i];
         for (const FoundPoint& near : std::span(found).first(count)) {
             for (size_t k = 0; k < sums.size(); ++k) sums[k] += moments[near.index][k];
         }
         for (size_t k = 0; k < sums.size(); ++k) sums[k] += static_cast<double>(count + 1) * uncovered[i][k];
-        fractions[i] = candidates[static_cast<size_t>(std::min_element(sums.begin(), sums.end()) - sums.begin())];
     }
-    return fractions;
+    return expected;
 }
 
 }  // namespace nephroid

@@ -18,7 +18,7 @@ namespace {
 /// Lobes that bring less than this share of a point's light are dropped: they cost more time than they take noise away.
 constexpr float least_weight_share = 0.003F;
 
-/// Until guide_fractions has found a better one.
+/// Until moments have told a better one.
 constexpr float trial_fraction = 0.5F;
 
 /// At most so many points are added, as a share of those before.
@@ -47,19 +47,21 @@ class SlopeCacheMaker {
         options_.warp = settings.slope_warp;
     }
 
-    SlopeCache run() {
+    MadeSlopeCache run() {
         make_lobes();
         rebuild();
         statistics_.seconds_lobes = stopwatch_.lap();
-        if (cache_.points.empty() || settings_.photons == 0.0 || is_over()) return std::move(cache_);
+        if (cache_.points.empty() || settings_.photons == 0.0 || is_over()) return made();
         trace_photons();
         add_points();
         if (settings_.bounces > 1 && settings_.long_paths == LongPaths::photons) add_long_paths();
         if (!settings_.guide_fraction) choose_fractions();
-        return std::move(cache_);
+        return made();
     }
 
   private:
+    MadeSlopeCache made() { return {std::move(cache_), std::move(expected_)}; }
+
     /// Of the receivers that have none yet.
     void make_lobes() {
         const size_t before = lobes_.size();
@@ -119,10 +121,9 @@ class SlopeCacheMaker {
     }
 
     void choose_fractions() {
-        const std::vector<float> fractions =
-            guide_fractions(context_, found_.receivers, cache_, options_, photons_, coverage_);
-        for (size_t i = 0; i < fractions.size(); ++i) {
-            if (!lobes_[i].empty()) cache_.points[i].fraction = fractions[i];
+        expected_ = expected_moments(context_, found_.receivers, cache_, options_, photons_, coverage_);
+        for (size_t i = 0; i < expected_.size(); ++i) {
+            if (!lobes_[i].empty()) cache_.points[i].fraction = least_variance_fraction(expected_[i], trial_fraction);
         }
         statistics_.seconds_fractions = stopwatch_.lap();
     }
@@ -140,12 +141,13 @@ class SlopeCacheMaker {
     std::vector<std::vector<CachedSlopeLobe<float>>> lobes_;  ///< Of each cached point.
     std::vector<CausticPhoton> photons_;
     std::vector<PhotonCoverage> coverage_;
+    std::vector<OddsMoments> expected_;
 };
 
 }  // namespace
 
-SlopeCache make_slope_cache(const RenderContext& context, GuidedPaths& found, const GuidedSettings& settings,
-                            GuidedStatistics& statistics) {
+MadeSlopeCache make_slope_cache(const RenderContext& context, GuidedPaths& found, const GuidedSettings& settings,
+                                GuidedStatistics& statistics) {
     return SlopeCacheMaker(context, found, settings, statistics).run();
 }
 
