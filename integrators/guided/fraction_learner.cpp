@@ -14,7 +14,7 @@ namespace nephroid {
 
 namespace {
 
-/// Later samples change little: docs/guiding.md.
+/// Fractions are known well enough by then, and recording is not free.
 constexpr uint32_t last_lesson = 64;
 
 /// Cached points that learn together: one sees few samples, and a bright one must not decide alone.
