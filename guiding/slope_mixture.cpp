@@ -14,9 +14,6 @@ namespace {
 /// Distances below this share of a point's reach count as equal.
 constexpr float kernel_width = 0.125F;
 
-/// A lobe that rounding has left without a volume, or with an infinite one, is not used.
-constexpr float most_determinant = 1e30F;
-
 }  // namespace
 
 SlopeMixtures::SlopeMixtures(const Cache& cache, const Options& options)
@@ -90,8 +87,7 @@ NEPHROID_FLATTEN void SlopeMixtures::warp() {
         const SlopeLobe<FloatV> lobe = warped(cached, {load(to_x_), load(to_y_), load(to_z_)},
                                               {load(from_x_), load(from_y_), load(from_z_)}, options_.warp);
         const FloatV determinant = lobe.determinant();
-        const auto usable = active && (determinant > zero) && (determinant < FloatV(most_determinant)) &&
-                            (dot(lobe.axis, lobe.axis) < FloatV(2.0F));
+        const auto usable = active && is_usable(lobe);
         const auto fields = std::bit_cast<std::array<FloatV, 9>>(lobe);
         for (size_t f = 0; f < fields.size(); ++f) {
             select(usable, fields[f], zero).copy_to(&lobe_[f][i], stdx::vector_aligned);

@@ -175,6 +175,16 @@ TEST_CASE("every ablation has the same mean") {
     check("photons=0", slope, [](GuidedSettings& s) { s.photons = 0.0; });
 }
 
+TEST_CASE("wrong lobes over metal, many samples: rows that are as good as parallel") {
+    CausticScene caustic = testing::two_mirror_caustic(alpha_for_path);
+    caustic.scene.materials[0].metallic = 1.0F;
+    caustic.scene.materials[0].roughness = 0.45F;  // Alpha 0.2: no caster.
+    const testing::Picture path = render_path(caustic, {.spp = spp_for_path});
+    GuidedSettings settings = small_cache(LobeKind::slope, 2);
+    settings.guide_fraction = 0.5F;
+    check_same_mean(render_with_guide(caustic, {.spp = 8192}, settings, rotated), path, "rotated");
+}
+
 TEST_CASE("lobes of paths of two reflections have the same mean, searched or from photons") {
     const CausticScene caustic = testing::two_mirror_caustic(alpha_for_path);
     const testing::Picture path = render_path(caustic, {.spp = spp_for_path});
