@@ -1,6 +1,7 @@
 #include "guiding/cached_points.h"
 
 #include <algorithm>
+#include <bit>
 #include <limits>
 #include <numeric>
 
@@ -38,20 +39,6 @@ std::vector<uint32_t> nearest_candidates(const std::vector<CachedPoint>& points,
     nearest.reserve(ranked.size());
     for (const auto& [distance, index] : ranked) nearest.push_back(index);
     return nearest;
-}
-
-/// Of the smallest value; the first of equal ones.
-size_t least_lane(const std::array<float, 16>& values) {
-    float least = std::numeric_limits<float>::infinity();
-    size_t lane = 0;
-    for (size_t i = 0; i < values.size(); i += simd_width) {
-        const FloatV part(&values[i], stdx::vector_aligned);
-        const float smallest = stdx::hmin(part);
-        if (!(smallest < least)) continue;
-        least = smallest;
-        lane = i + static_cast<size_t>(stdx::find_first_set(part == FloatV(smallest)));
-    }
-    return lane;
 }
 
 int longest_axis(const Vec3& extent) {
@@ -157,8 +144,10 @@ size_t CachedPointLookup::find_in_cell(uint32_t cell, const Vec3& position, cons
                                        std::span<FoundPoint> found) const {
     if (blocks_.empty()) return 0;
     const Block& block = blocks_[cell];
-    alignas(64) Lanes distance;
-    const FloatV infinity(std::numeric_limits<float>::infinity());
+    // Distances as integers, which have the same order, with the lane in the last bits: the least tells both.
+    constexpr uint32_t lane_bits = block_size - 1;
+    constexpr auto infinity = std::bit_cast<uint32_t>(std::numeric_limits<float>::infinity());
+    std::array<UintV, block_size / simd_width> keys;
     for (size_t i = 0; i < block_size; i += simd_width) {
         const auto load = [i](const Lanes& lanes) { return FloatV(&lanes[i], stdx::vector_aligned); };
         const FloatV dx = load(block.position[0]) - FloatV(position.x);
@@ -168,13 +157,17 @@ size_t CachedPointLookup::find_in_cell(uint32_t cell, const Vec3& position, cons
         const FloatV cosine = load(block.normal[0]) * FloatV(normal.x) + load(block.normal[1]) * FloatV(normal.y) +
                               load(block.normal[2]) * FloatV(normal.z);
         const auto usable = (squared <= load(block.squared_reach)) && (cosine > FloatV(similar_normal_cosine));
-        select(usable, squared, infinity).copy_to(&distance[i], stdx::vector_aligned);
+        const FloatV distance = select(usable, squared, FloatV(std::numeric_limits<float>::infinity()));
+        keys[i / simd_width] =
+            (std::bit_cast<UintV>(distance) & ~lane_bits) | (lane_numbers() + static_cast<uint32_t>(i));
     }
     for (size_t count = 0; count < found.size(); ++count) {
-        const size_t lane = least_lane(distance);
-        if (distance[lane] == std::numeric_limits<float>::infinity()) return count;
-        found[count] = {block.index[lane], distance[lane]};
-        distance[lane] = std::numeric_limits<float>::infinity();
+        UintV least = keys[0];
+        for (size_t part = 1; part < keys.size(); ++part) least = stdx::min(least, keys[part]);
+        const uint32_t key = stdx::hmin(least);
+        if (key >= infinity) return count;
+        found[count] = {block.index[key & lane_bits], std::bit_cast<float>(key & ~lane_bits)};
+        for (UintV& part : keys) stdx::where(part == key, part) = infinity;
     }
     return found.size();
 }

@@ -44,6 +44,13 @@ class CachedPointLookup {
 
     /// The same in two steps, for many positions: their cells, `count` of them, vector by vector; then the points.
     void find_cells(const TripleArray& positions, size_t count, PathArray<uint32_t>& cells) const;
+    /// A cell that will soon be asked.
+    void prefetch(uint32_t cell) const {
+        if (blocks_.empty()) return;
+        for (size_t line = 0; line < sizeof(Block); line += alignof(Block)) {
+            __builtin_prefetch(reinterpret_cast<const std::byte*>(&blocks_[cell]) + line);
+        }
+    }
     size_t find_in_cell(uint32_t cell, const Vec3& position, const Vec3& normal, std::span<FoundPoint> found) const;
     size_t bytes() const;
 

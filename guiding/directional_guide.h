@@ -23,7 +23,8 @@ struct GuideBatch {
           fraction(capacity),
           pdf(capacity),
           light_pdf(capacity),
-          guided(capacity) {}
+          guided(capacity),
+          place(capacity) {}
 
     size_t count = 0;
     bool wants_light_pdf = false;  ///< Otherwise light_direction is not read and light_pdf not written.
@@ -39,9 +40,11 @@ struct GuideBatch {
                                 ///< chooses the direction; zero where it knows nothing.
 
     // Answered, where fraction > 0.
-    PathArray<float> pdf;        ///< The mixture's density of `direction`, per solid angle.
-    PathArray<float> light_pdf;  ///< The same of light_direction.
-    PathArray<float> guided;     ///< 1: the direction is the guide's; also where fraction is zero.
+    PathArray<float> pdf;                      ///< The mixture's density of `direction`, per solid angle.
+    PathArray<float> light_pdf;                ///< The same of light_direction.
+    PathArray<float> guided;                   ///< 1: the direction is the guide's; also where fraction is zero.
+    PathArray<uint32_t> place;                 ///< For observers: the cached point that `fraction` is of.
+    static constexpr uint32_t no_place = ~0U;  ///< It is of none, but of the vertex itself.
 };
 
 /// A vertex of a camera path: what a mixture may depend on.

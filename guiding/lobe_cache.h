@@ -72,6 +72,7 @@ class CachedGuide final : public DirectionalGuide {
 
       private:
         static constexpr float largest_below_one = 0x1.fffffep-1F;
+        static constexpr size_t cells_ahead = 8;  ///< Of look-ups: memory's latency.
 
         /// Shading points from `first` on until the group is full; returns the next one.
         size_t collect_group(const GuidePoints& points, GuideBatch& batch, size_t first) {
@@ -79,6 +80,7 @@ class CachedGuide final : public DirectionalGuide {
             group_size_ = 0;
             size_t k = first;
             for (; k < batch.count && !mixtures_.is_full(); ++k) {
+                if (k + cells_ahead < batch.count) lookup_.prefetch(cells_[k + cells_ahead]);
                 batch.guided[k] = 0.0F;
                 if (batch.fraction[k] == 0.0F) continue;
                 const GuideVertex vertex = points.get(k);
@@ -86,6 +88,7 @@ class CachedGuide final : public DirectionalGuide {
                 batch.fraction[k] = 0.0F;
                 if (count == 0) continue;
                 mixtures_.add(std::span(found_).first(count), vertex);
+                nearest_[group_size_] = found_[0].index;
                 group_[group_size_++] = static_cast<uint32_t>(k);
             }
             return k;
@@ -95,6 +98,7 @@ class CachedGuide final : public DirectionalGuide {
             const size_t k = group_[i];
             const float fraction = batch.fraction[k] = mixtures_.fraction(i);
             if (fraction == 0.0F) return;
+            batch.place[k] = mixtures_.has_cached_fraction(i) ? nearest_[i] : GuideBatch::no_place;
             if (batch.u_choice[k] < fraction) {
                 const float u_lobe = std::min(batch.u_choice[k] / fraction, largest_below_one);
                 batch.direction.set(k, mixtures_.sample(i, u_lobe, batch.u[k], batch.v[k]));
@@ -108,7 +112,8 @@ class CachedGuide final : public DirectionalGuide {
         Mixtures mixtures_;
         PathArray<uint32_t> cells_{0};
         std::array<FoundPoint, Mixtures::most_points> found_;
-        std::array<uint32_t, Mixtures::most_mixtures> group_;  ///< Vertices of the batch.
+        std::array<uint32_t, Mixtures::most_mixtures> group_;    ///< Vertices of the batch.
+        std::array<uint32_t, Mixtures::most_mixtures> nearest_;  ///< Cached point of each.
         size_t group_size_ = 0;
     };
 

@@ -155,11 +155,10 @@ LobeProduct<F> make_lobe_product(const SlopeLobe<F>& lobe, const GlossyView<F>& 
     };
     LobeProduct<F> result;
     result.lobe = product_shape(lobe, centre);
-    const F determinant = result.lobe.determinant();
     const F centre_density = lobe_density(result.lobe, centre.direction);
     const F centre_target = choose(own_target, bsdf_target);
-    const auto usable = is_finite(determinant) && result.lobe.is_precise() && (determinant > zero) &&
-                        is_finite(centre_density) && (centre_density > zero) && is_finite(centre_target);
+    const auto usable =
+        is_usable(result.lobe) && is_finite(centre_density) && (centre_density > zero) && is_finite(centre_target);
     result.product_weight = select(usable, centre_target / centre_density, zero);
     const auto covered = [&](const Triple<F>& w) {
         return select(usable, result.product_weight * lobe_density(result.lobe, w), zero);

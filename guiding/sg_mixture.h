@@ -38,6 +38,8 @@ class SgMixtures {
     float fraction(size_t) const { return fraction_; }
     Vec3 sample(size_t, float u_choice, float u, float v) const;
     float pdf(size_t, const Vec3& wi) const;
+    bool has_cached_fraction(size_t) const { return true; }
+
     size_t lobe_count(size_t) const { return count_; }
     LobeView heaviest(size_t) const;
 

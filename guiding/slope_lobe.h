@@ -12,7 +12,8 @@
 //   m = (k1.w, k2.w) / (w0.w),   p(w) = |det K| / (pi (1 + |m|^2)^2 (w0.w)^3)      per solid angle, w0.w > 0
 //
 // which integrates to one for any invertible K: whatever rounding or a bad Jacobian did to it, the estimator that
-// divides by it is unbiased. That is why float suffices here, down to alpha 1e-4. Templates over F = float or FloatV.
+// divides by it is unbiased. That is why float suffices here, down to alpha 1e-4; but where K is as good as singular,
+// samples are not where the density says (is_usable). Templates over F = float or FloatV.
 #pragma once
 
 #include <cmath>
@@ -31,14 +32,21 @@ struct SlopeLobe {
 
     /// |det K|.
     F determinant() const { return absolute(dot(axis, cross(row1, row2))); }
-    /// Whether rounding leaves the determinant, and with it the density of what is sampled, its first digits: rows that
-    /// are nearly parallel cancel.
-    MaskOf<F> is_precise() const {
-        const F volume = determinant();
-        return volume * volume > F(least_sine * least_sine) * dot(row1, row1) * dot(row2, row2);
-    }
-    static constexpr float least_sine = 1e-3F;
 };
+
+/// Whether samples follow the density in float. Not where the lobe is so wide in a direction that samples end on the
+/// gnomonic plane's horizon, nor where it is so much narrower in another that their rounding there is a width: both
+/// have been seen to brighten pictures. Nor where anything is infinite or NaN.
+template <class F>
+MaskOf<F> is_usable(const SlopeLobe<F>& lobe) {
+    constexpr float widest = 20.0F, most_anisotropic = 1e5F, most_determinant = 1e30F;
+    const F determinant = lobe.determinant();
+    // Of singular values: their product, about the square of the larger one.
+    const F squared = dot(lobe.row1, lobe.row1) + dot(lobe.row2, lobe.row2);
+    return (determinant * determinant > squared * F(1.0F / (widest * widest))) &&
+           (determinant > squared * F(1.0F / most_anisotropic)) && (determinant < F(most_determinant)) &&
+           (dot(lobe.axis, lobe.axis) < F(2.0F));
+}
 
 /// Density of GGX's slopes at squared length `squared` in units of the width, per squared unit, times pi.
 template <class F>

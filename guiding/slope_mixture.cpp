@@ -14,9 +14,6 @@ namespace {
 /// Distances below this share of a point's reach count as equal.
 constexpr float kernel_width = 0.125F;
 
-/// A lobe that rounding has left without a volume, or with an infinite one, is not used.
-constexpr float most_determinant = 1e30F;
-
 /// Wider specular parts vary less over a lobe than is worth the work.
 constexpr float widest_glossy_alpha = 0.3F;
 
@@ -101,6 +98,7 @@ void SlopeMixtures::collect(const CachedPoint& point, float kernel, const Vec3& 
     for (uint32_t k = 0; k < point.lobe_count; ++k) {
         const size_t i = lobe_count_++;
         cached_[i] = point.first_lobe + k;
+        cache_.lobes.prefetch(cached_[i]);
         kernel_[i] = kernel;
         from_x_[i] = point.position.x;
         from_y_[i] = point.position.y;
@@ -132,8 +130,7 @@ NEPHROID_FLATTEN void SlopeMixtures::warp() {
         const SlopeLobe<FloatV> lobe = warped(cached, {load(to_x_), load(to_y_), load(to_z_)},
                                               {load(from_x_), load(from_y_), load(from_z_)}, options_.warp);
         const FloatV determinant = lobe.determinant();
-        const auto usable = active && (determinant > zero) && (determinant < FloatV(most_determinant)) &&
-                            lobe.is_precise() && (dot(lobe.axis, lobe.axis) < FloatV(2.0F));
+        const auto usable = active && is_usable(lobe);
         const auto fields = std::bit_cast<std::array<FloatV, 9>>(lobe);
         for (size_t f = 0; f < fields.size(); ++f) {
             select(usable, fields[f], zero).copy_to(&lobe_[f][i], stdx::vector_aligned);

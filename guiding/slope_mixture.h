@@ -53,6 +53,9 @@ class SlopeMixtures {
     /// Per solid angle; finite and, above the horizon, positive.
     float pdf(size_t k, const Vec3& wi) const;
 
+    /// Otherwise it comes from the vertex's BSDF as well.
+    bool has_cached_fraction(size_t k) const { return !mixtures_[k].is_glossy; }
+
     size_t lobe_count(size_t k) const { return mixtures_[k].lobe_count; }
     LobeView heaviest(size_t k) const;
 

@@ -8,6 +8,7 @@
 
 #include "core/simd.h"
 #include "guiding/slope_lobe.h"
+#include "pathcut/half_vector_slope.h"
 
 namespace nephroid {
 
@@ -36,36 +37,25 @@ struct CachedSlopeLobe {
     F weight;                   ///< Irradiance that the lobe brings, W/m^2 of luminance.
 };
 
-/// The constraint's slope at a point of the reflector, for one reflection, and what its Jacobian needs: the formulas of
-/// pathcut/half_vector_constraint.h, for a vector of lobes. Directions need no more than float here, see slope_lobe.h.
+/// The constraint at a point of the reflector, for one reflection. Directions need no more than float here, see
+/// slope_lobe.h.
 template <class F>
 struct SlopeAtPoint {
-    Triple<F> wo, wi, h;
-    F inverse_viewer, inverse_light;  ///< Inverse distances, 1/m; zero for a light at infinity.
-    F inverse_sum;                    ///< 1 / |wi + wo|.
-    F h_n;                            ///< h.n
-    F slope1, slope2;                 ///< C.
+    Connection<F> to_viewer, to_light;
+    HalfVectorSlope<F> half;
 };
 
 template <class F>
 SlopeAtPoint<F> slope_at(const CachedSlopeLobe<F>& lobe, const Triple<F>& x, const Triple<F>& y,
                          const Triple<F>& normal, const Triple<F>& tangent) {
-    SlopeAtPoint<F> at;
     const F is_near = F(1.0F) - lobe.light_at_infinity;
     const Triple<F> to_viewer = x - y, to_light = lobe.light - y * is_near;
-    at.inverse_viewer = reciprocal_square_root(dot(to_viewer, to_viewer));
+    const F inverse_viewer = reciprocal_square_root(dot(to_viewer, to_viewer));
     const F inverse_light = reciprocal_square_root(dot(to_light, to_light));
-    at.wo = to_viewer * at.inverse_viewer;
-    at.wi = to_light * inverse_light;
-    at.inverse_light = inverse_light * is_near;
-    const Triple<F> sum = at.wo + at.wi;
-    at.inverse_sum = reciprocal_square_root(dot(sum, sum));
-    at.h = sum * at.inverse_sum;
-    at.h_n = dot(at.h, normal);
-    const F inverse_h_n = F(1.0F) / at.h_n;
-    at.slope1 = dot(at.h, tangent) * inverse_h_n;
-    at.slope2 = dot(at.h, cross(normal, tangent)) * inverse_h_n;
-    return at;
+    const Connection<F> viewer{to_viewer * inverse_viewer, inverse_viewer};
+    const Connection<F> light{to_light * inverse_light, inverse_light * is_near};
+    const Frame<F> frame{tangent, cross(normal, tangent), normal};
+    return {viewer, light, half_vector_slope(viewer.direction + light.direction, frame)};
 }
 
 /// dC / d(plane coordinates of y), 1/m.
@@ -76,20 +66,11 @@ struct SlopeJacobian {
 
 template <class F>
 SlopeJacobian<F> slope_jacobian(const CachedSlopeLobe<F>& lobe, const SlopeAtPoint<F>& at) {
-    SlopeJacobian<F> j;
-    const Triple<F> bitangent = cross(lobe.normal, lobe.tangent);
-    const F inverse_h_n = F(1.0F) / at.h_n;
-    const auto column = [&](const Triple<F>& e, const Triple<F>& dn, F& j1, F& j2) {
-        const Triple<F> change =
-            (at.wo * dot(at.wo, e) - e) * at.inverse_viewer + (at.wi * dot(at.wi, e) - e) * at.inverse_light;
-        const Triple<F> dh = (change - at.h * dot(at.h, change)) * at.inverse_sum;
-        const F common = (dot(dn, at.h) + dot(lobe.normal, dh)) * inverse_h_n;
-        j1 = (dot(lobe.tangent, dh) - dot(lobe.tangent, dn) * at.h_n) * inverse_h_n - at.slope1 * common;
-        j2 = (dot(bitangent, dh) - dot(bitangent, dn) * at.h_n) * inverse_h_n - at.slope2 * common;
+    const auto column = [&](const Triple<F>& e, const Triple<F>& dn) {
+        return at.half.derivative(at.to_viewer.turned_by_vertex(e) + at.to_light.turned_by_vertex(e), dn);
     };
-    column(lobe.e1, lobe.dn1, j.j11, j.j21);
-    column(lobe.e2, lobe.dn2, j.j12, j.j22);
-    return j;
+    const SlopePair<F> along1 = column(lobe.e1, lobe.dn1), along2 = column(lobe.e2, lobe.dn2);
+    return {along1.c1, along2.c1, along1.c2, along2.c2};
 }
 
 /// delta = -(J^T J)^-1 J^T c as a matrix, with the eigenvalues of J^T J floored: along a direction in which slopes
@@ -144,11 +125,11 @@ PlaneMove<F> newton_move(const CachedSlopeLobe<F>& lobe, const Triple<F>& x, con
     const SlopeAtPoint<F> start = slope_at(lobe, x, lobe.y, lobe.normal, lobe.tangent);
     const NewtonStep<F> step = newton_step(slope_jacobian(lobe, start), lobe.squared_floor);
     const auto move_by = [&](const SlopeAtPoint<F>& at) -> PlaneMove<F> {
-        const F c1 = at.slope1 - lobe.slope1, c2 = at.slope2 - lobe.slope2;
+        const F c1 = at.half.slope.c1 - lobe.slope1, c2 = at.half.slope.c2 - lobe.slope2;
         return {step.s11 * c1 + step.s12 * c2, step.s21 * c1 + step.s22 * c2};
     };
     const auto squared_residual = [&](const SlopeAtPoint<F>& at) {
-        const F c1 = at.slope1 - lobe.slope1, c2 = at.slope2 - lobe.slope2;
+        const F c1 = at.half.slope.c1 - lobe.slope1, c2 = at.half.slope.c2 - lobe.slope2;
         return c1 * c1 + c2 * c2;
     };
     const PlaneMove<F> first = limited(move_by(start), limit);

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "core/frame.h"
+#include "pathcut/half_vector_slope.h"
 
 namespace nephroid {
 
@@ -12,55 +12,34 @@ constexpr double steepest_slope = 1e9;        // Beyond it the half vector count
 constexpr double shortest_half = 1e-9;        // |H| below it: wi and wo cancel.
 constexpr double largest_derivative = 1e100;  // 1/m. Ends nearer than its inverse count as coincident.
 
-/// Unit direction from a vertex to a neighbour, and how it turns when one of the two moves.
-struct Connection {
-    Vec3d direction{0.0};
-    double inverse_distance = 0.0;  ///< 1/m; zero at infinity: moving the vertex turns nothing.
-    bool at_infinity = false;
-    bool valid = false;
-
-    /// Change of the direction when the neighbour moves by v (or, at infinity, when its direction changes by v).
-    Vec3d turned_by(const Vec3d& v) const {
-        return (v - direction * glm::dot(direction, v)) * (at_infinity ? 1.0 : inverse_distance);
-    }
-    /// Change of the direction when the vertex moves by v.
-    Vec3d turned_by_vertex(const Vec3d& v) const {
-        return (v - direction * glm::dot(direction, v)) * -inverse_distance;
-    }
-};
-
-Connection connect(const Vec3d& vertex, const PathEnd& end) {
-    Connection connection;
-    const Vec3d v = end.at_infinity ? end.point : end.point - vertex;
-    const double length = glm::length(v);
-    if (!(length > 0.0) || !std::isfinite(length)) return connection;
-    connection.direction = v * (1.0 / length);
-    connection.inverse_distance = end.at_infinity ? 0.0 : 1.0 / length;
-    connection.at_infinity = end.at_infinity;
-    connection.valid = true;
-    return connection;
+Triple<double> triple(const Vec3d& v) {
+    return {v.x, v.y, v.z};
+}
+Vec3d vec(const Triple<double>& v) {
+    return {v.x, v.y, v.z};
 }
 
-/// The slope of a half vector H (any length and sign) against normal n, and its derivative.
-struct Slope {
-    Vec3d s, t, n, h;
-    double h_n;
-    Vec2d value;
+/// False where the two coincide, or are not finite.
+bool connect(const Vec3d& vertex, const PathEnd& end, Connection<double>& connection) {
+    const Vec3d v = end.at_infinity ? end.point : end.point - vertex;
+    const double length = glm::length(v);
+    if (!(length > 0.0) || !std::isfinite(length)) return false;
+    connection = {triple(v * (1.0 / length)), end.at_infinity ? 0.0 : 1.0 / length};
+    return true;
+}
 
-    /// dC for changes dH and dn; s and t follow n in parallel transport: ds = -(s.dn) n.
-    Vec2d derivative(const Vec3d& dh, const Vec3d& dn) const {
-        const double change = glm::dot(dn, h) + glm::dot(n, dh);
-        return Vec2d(glm::dot(s, dh) - glm::dot(s, dn) * h_n - value.x * change,
-                     glm::dot(t, dh) - glm::dot(t, dn) * h_n - value.y * change) /
-               h_n;
+/// dC by the positions of a neighbour, or by its direction where it is at infinity; eta: the direction's factor in H.
+glm::dmat3x2 by_neighbour(const HalfVectorSlope<double>& slope, const Connection<double>& connection, double eta) {
+    const double rate = connection.inverse_distance == 0.0 ? eta : connection.inverse_distance * eta;
+    glm::dmat3x2 result;
+    for (int k = 0; k < 3; ++k) {
+        Vec3d axis(0.0);
+        axis[k] = 1.0;
+        const Triple<double> v = triple(axis), &d = connection.direction;
+        const SlopePair<double> change = slope.derivative((v - d * dot(d, v)) * rate, {0.0, 0.0, 0.0});
+        result[k] = {change.c1, change.c2};
     }
-};
-
-Slope make_slope(const Vec3d& h, const Vec3d& n) {
-    const Frame<double> frame = make_frame(Triple<double>{n.x, n.y, n.z});
-    Slope slope{{frame.s.x, frame.s.y, frame.s.z}, {frame.t.x, frame.t.y, frame.t.z}, n, h, glm::dot(h, n), {}};
-    slope.value = Vec2d(glm::dot(h, slope.s), glm::dot(h, slope.t)) / slope.h_n;
-    return slope;
+    return result;
 }
 
 /// Whether all values are finite and so are the products that a solver forms of them.
@@ -90,35 +69,35 @@ bool faces_microfacet(const Vec3d& h, const Vec3d& n, const Vec3d& wi, const Vec
 
 SlopeConstraint evaluate_constraint(const SurfacePatch& patch, const PatchPoint& vertex, const Interaction& interaction,
                                     const PathEnd& viewer, const PathEnd& light, Derivatives derivatives) {
-    const Connection to_viewer = connect(vertex.position, viewer), to_light = connect(vertex.position, light);
-    if (!to_viewer.valid || !to_light.valid) return {};
-    const Vec3d h = to_light.direction * interaction.eta_i + to_viewer.direction * interaction.eta_o;
-    const double length = glm::length(h);
-    if (!(length > shortest_half) || !(std::abs(glm::dot(h, vertex.normal)) > length / steepest_slope)) return {};
+    Connection<double> to_viewer{}, to_light{};
+    if (!connect(vertex.position, viewer, to_viewer) || !connect(vertex.position, light, to_light)) return {};
+    const Triple<double> h = to_light.direction * interaction.eta_i + to_viewer.direction * interaction.eta_o;
+    const Triple<double> n = triple(vertex.normal);
+    const double length = std::sqrt(dot(h, h));
+    if (!(length > shortest_half) || !(std::abs(dot(h, n)) > length / steepest_slope)) return {};
 
-    const Slope slope = make_slope(h, vertex.normal);
+    const HalfVectorSlope<double> slope = half_vector_slope(h, make_frame(n));
     SlopeConstraint result;
-    result.slope = slope.value;
-    result.s = slope.s;
-    result.t = slope.t;
-    for (int k = 0; k < 2; ++k) {
-        const Vec3d& axis = patch.axes[static_cast<size_t>(k)];
-        const Vec3d dh =
+    result.slope = {slope.slope.c1, slope.slope.c2};
+    result.s = vec(slope.frame.s);
+    result.t = vec(slope.frame.t);
+    for (size_t k = 0; k < 2; ++k) {
+        const Triple<double> axis = triple(patch.axes[k]);
+        const Triple<double> dh =
             to_light.turned_by_vertex(axis) * interaction.eta_i + to_viewer.turned_by_vertex(axis) * interaction.eta_o;
-        result.by_vertex[k] = slope.derivative(dh, vertex.normal_derivative[static_cast<size_t>(k)]);
+        const SlopePair<double> change = slope.derivative(dh, triple(vertex.normal_derivative[k]));
+        result.by_vertex[static_cast<int>(k)] = {change.c1, change.c2};
     }
-    for (int k = 0; k < (derivatives == Derivatives::all ? 3 : 0); ++k) {
-        Vec3d axis(0.0);
-        axis[k] = 1.0;
-        result.by_viewer[k] = slope.derivative(to_viewer.turned_by(axis) * interaction.eta_o, Vec3d(0.0));
-        result.by_light[k] = slope.derivative(to_light.turned_by(axis) * interaction.eta_i, Vec3d(0.0));
+    if (derivatives == Derivatives::all) {
+        result.by_viewer = by_neighbour(slope, to_viewer, interaction.eta_o);
+        result.by_light = by_neighbour(slope, to_light, interaction.eta_i);
     }
     if (!is_usable(result)) return {};
     result.valid = true;
-    const Vec3d &wi = to_light.direction, &wo = to_viewer.direction;
+    const Vec3d wi = vec(to_light.direction), wo = vec(to_viewer.direction);
     result.admissible = !patch.degenerate && on_required_sides(interaction, wi, wo, vertex.normal) &&
                         on_required_sides(interaction, wi, wo, patch.geometric_normal) &&
-                        faces_microfacet(h, vertex.normal, wi, wo);
+                        faces_microfacet(vec(h), vertex.normal, wi, wo);
     return result;
 }
 

@@ -10,6 +10,7 @@
 #include "integrators/bdpt/bdpt_integrator.h"
 #include "integrators/driver.h"
 #include "integrators/guided/combined_worker.h"
+#include "integrators/guided/fraction_recorder.h"
 #include "integrators/path/path_integrator.h"
 #include "tests/statistics.h"
 
@@ -20,21 +21,28 @@ namespace {
 /// A path tracer with a guide that the test owns, and with the light paths of `made`.
 class GuidedBy final : public Integrator {
   public:
-    GuidedBy(const GuidedIntegrator& made, const DirectionalGuide& guide) : context_(made.context()), guide_(guide) {
+    GuidedBy(const GuidedIntegrator& made, const DirectionalGuide& guide, FractionLearner* learner)
+        : context_(made.context()), guide_(guide), learner_(learner) {
         if (made.light_tracing() == nullptr) return;
         light_tracing_.emplace(*made.light_tracing());
         light_tracing_->guide = &guide;
     }
     std::string name() const override { return "guided by a test"; }
     std::unique_ptr<IntegratorWorker> make_worker() const override {
+        if (learner_ != nullptr && light_tracing_) {
+            return std::make_unique<RecordedWorker<CombinedWorker>>(*learner_, nullptr, *light_tracing_);
+        }
+        if (learner_ != nullptr) return std::make_unique<RecordedWorker<PathWorker>>(*learner_, context_, &guide_);
         if (light_tracing_) return std::make_unique<CombinedWorker>(nullptr, *light_tracing_);
         return std::make_unique<PathWorker>(context_, &guide_);
     }
+    Learner* learner() const override { return learner_; }
     bool makes_splats() const override { return light_tracing_.has_value(); }
 
   private:
     const RenderContext& context_;
     const DirectionalGuide& guide_;
+    FractionLearner* learner_;  ///< Null: nothing is learned.
     std::optional<LightTracing> light_tracing_;
 };
 
@@ -105,17 +113,24 @@ CheckedPicture render_guided(const CausticScene& caustic, const RenderSize& size
         picture.guided = integrator.guide() != nullptr;
         return picture;
     };
-    if (!change.sg || integrator.guide() == nullptr) return finish(integrator);
-    const auto render_changed = [&](auto mixtures, const auto& apply) {
-        apply(mixtures.cache);
-        return finish(GuidedBy(integrator, mixtures.guide));
-    };
+    if ((!change.sg && !change.slope) || integrator.guide() == nullptr) return finish(integrator);
     if (settings.lobe == LobeKind::slope) {
         const auto& made = *integrator.slope_lobes();
-        return render_changed(MixtureCache<SlopeMixtures>(made.cache, made.options), change.slope);
+        MixtureCache<SlopeMixtures> mixtures(made.cache, made.options);
+        change.slope(mixtures.cache);
+        const std::vector<CachedPoint>& points = mixtures.cache.points;
+        FractionLearner learner(mixtures.cache, std::vector<OddsMoments>(points.size()));
+        const double before = mean_fraction(points);
+        const bool learns = integrator.learner() != nullptr;
+        CheckedPicture picture = finish(GuidedBy(integrator, mixtures.guide, learns ? &learner : nullptr));
+        picture.fraction_before = before;
+        picture.fraction_after = mean_fraction(points);
+        return picture;
     }
     const auto& made = *integrator.spherical_gaussians();
-    return render_changed(MixtureCache<SgMixtures>(made.cache, made.options), change.sg);
+    MixtureCache<SgMixtures> mixtures(made.cache, made.options);
+    change.sg(mixtures.cache);
+    return finish(GuidedBy(integrator, mixtures.guide, nullptr));
 }
 
 void check_clean(const CheckedPicture& picture) {

@@ -21,6 +21,8 @@ struct RenderSize {
 struct CheckedPicture : Picture {
     uint64_t nonfinite_samples = 0;
     bool guided = false;  ///< Otherwise there was nothing to guide to.
+    /// Of slope lobes in a changed cache: the points' mean before and after rendering.
+    double fraction_before = 0.0, fraction_after = 0.0;
 };
 
 /// Changes that make a cache wrong.
@@ -32,6 +34,7 @@ struct CacheChange {
 /// Samples are independent, as the tests' variances assume.
 CheckedPicture render_path(const CausticScene& caustic, const RenderSize& size);
 CheckedPicture render_bdpt(const CausticScene& caustic, const RenderSize& size);
+/// Slope lobes' fractions are learned, from changed caches too.
 CheckedPicture render_guided(const CausticScene& caustic, const RenderSize& size, const GuidedSettings& settings,
                              const CacheChange& change = {});
 

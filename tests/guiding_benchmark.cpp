@@ -191,8 +191,8 @@ class Benchmark {
     SlopeCachePointer slope_cache(const std::vector<Receiver>& receivers, const GuidedSettings& settings) const {
         GuidedPaths found = paths_to(receivers, settings);
         GuidedStatistics statistics;
-        return std::make_unique<MixtureCache<SlopeMixtures>>(make_slope_cache(context_, found, settings, statistics),
-                                                             SlopeMixtureOptions());
+        return std::make_unique<MixtureCache<SlopeMixtures>>(
+            make_slope_cache(context_, found, settings, statistics).cache, SlopeMixtureOptions());
     }
     PaperCachePointer paper_cache(const std::vector<Receiver>& receivers, const GuidedSettings& settings) const {
         return std::make_unique<MixtureCache<SgMixtures>>(

@@ -94,7 +94,7 @@ std::vector<ParameterDescription> guided_parameters() {
          "auto|0..0.99",
          "auto",
          "probability of the guide against the BSDF: higher is less noise in caustics and more elsewhere; auto: from "
-         "the light that each cached point expects of both",
+         "the light that each cached point expects of both, then from what samples find",
          {"auto"},
          NumberRange{0.0, 0.99, false}},
         {"combine",

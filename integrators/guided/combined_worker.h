@@ -21,6 +21,8 @@ class CombinedWorker final : public IntegratorWorker {
         camera_.render(block, samples);
         light_.trace(block, samples);
     }
+    /// Of camera paths: PathWorker::set_observer.
+    void set_observer(PathObserver* observer) { camera_.set_observer(observer); }
     uint64_t rays() const override { return camera_.rays() + light_.ray_count(); }
 
   private:

@@ -16,12 +16,9 @@ namespace nephroid {
 
 namespace {
 
-constexpr std::array<float, 8> candidates{0.1F, 0.25F, 0.4F, 0.55F, 0.7F, 0.8F, 0.88F, 0.94F};
-using Moments = std::array<double, candidates.size()>;
-
 /// What a few paths tell about one cached point.
 struct TrialSums {
-    Moments moments{};           ///< Second moments of the estimate, by fraction.
+    OddsMoments moments{};       ///< Of the estimate.
     double root_radiance = 0.0;  ///< Mean square root of what BSDF sampling finds off the lobes.
 };
 
@@ -84,18 +81,15 @@ class FractionTrial {
         const Vec3 direction = rays_.direction(i);
         const double cosine = double{glm::dot(receiver.geometric_normal, direction)};
         const double integrand = double{luminance(radiance)} * cosine;
-        const double bsdf_pdf = cosine * double{inv_pi}, guide_pdf = double{mixtures_.pdf(0, direction)};
+        const float bsdf_pdf = static_cast<float>(cosine) * inv_pi, guide_pdf = mixtures_.pdf(0, direction);
         if (bsdf_pdf > guide_pdf) {
             // Roots, because single dots of light would tell too much about the rest.
             sums.root_radiance += std::sqrt(std::max(double{luminance(radiance)}, 0.0));
             ++other_count_;
         }
-        const double tried = integrand * integrand / (0.5 * (bsdf_pdf + guide_pdf));
-        if (!std::isfinite(tried)) return;
-        for (size_t k = 0; k < candidates.size(); ++k) {
-            const double b = double{candidates[k]};
-            sums.moments[k] += tried / (b * guide_pdf + (1.0 - b) * bsdf_pdf);
-        }
+        const double both = double{bsdf_pdf} + double{guide_pdf};
+        const double moment = integrand * integrand / (0.5 * both * both);
+        if (std::isfinite(moment)) sums.moments[odds_bin(guide_pdf, bsdf_pdf)] += moment;
     }
 
     const CachedPointLookup& lookup_;
@@ -111,25 +105,26 @@ class FractionTrial {
 /// Moments of the light that the guide leaves to the BSDF, which a few trial paths would not see: the mean over the
 /// cached points around, for few photons tell of it either. Points lie along a Morton curve, but for the last ones,
 /// which were added.
-std::vector<Moments> uncovered_moments(const SlopeCache& cache, const std::vector<CausticPhoton>& photons,
-                                       const std::vector<PhotonCoverage>& coverage) {
+std::vector<OddsMoments> uncovered_moments(const SlopeCache& cache, const std::vector<CausticPhoton>& photons,
+                                           const std::vector<PhotonCoverage>& coverage) {
     const size_t count = cache.points.size();
-    std::vector<Moments> up_to(count + 1);
+    std::vector<OddsMoments> up_to(count + 1);
     for (size_t i = 0; i < photons.size(); ++i) {
         const PhotonCoverage& at = coverage[i];
         if (!(most_covered * at.bsdf_pdf > at.guide_pdf)) continue;
         const double flux = double{photons[i].power} / double{cached_area(cache.points[at.nearest])};
-        for (size_t k = 0; k < candidates.size(); ++k) {
-            up_to[at.nearest + 1][k] += path_count * flux * double{at.sample_value(photons[i], candidates[k])};
-        }
+        // Of radiance times cosine, where a trial path's w has its square over the sampling density and both together.
+        const double moment = path_count * flux * double{photons[i].radiance} * double{at.bsdf_pdf * pi} /
+                              (double{at.guide_pdf} + double{at.bsdf_pdf});
+        up_to[at.nearest + 1][odds_bin(at.guide_pdf, at.bsdf_pdf)] += moment;
     }
     for (size_t i = 0; i < count; ++i) {
-        for (size_t k = 0; k < candidates.size(); ++k) up_to[i + 1][k] += up_to[i][k];
+        for (size_t k = 0; k < odds_bins; ++k) up_to[i + 1][k] += up_to[i][k];
     }
-    std::vector<Moments> means(count);
+    std::vector<OddsMoments> means(count);
     for (size_t i = 0; i < count; ++i) {
         const size_t first = i - std::min(i, averaged_points / 2), end = std::min(count, i + averaged_points / 2 + 1);
-        for (size_t k = 0; k < candidates.size(); ++k) {
+        for (size_t k = 0; k < odds_bins; ++k) {
             means[i][k] = (up_to[end][k] - up_to[first][k]) / static_cast<double>(end - first);
         }
     }
@@ -149,18 +144,16 @@ std::vector<GuideTrial> try_guide(const RenderContext& context, std::span<const 
         if (!trial) trial = std::make_unique<FractionTrial>(context, cache, options);
         trials[i] = trial->run(receivers[i], static_cast<uint32_t>(i));
     });
-    const std::vector<Moments> uncovered = uncovered_moments(cache, photons, coverage);
+    const std::vector<OddsMoments> uncovered = uncovered_moments(cache, photons, coverage);
     std::vector<GuideTrial> results(receivers.size());
     for (size_t i = 0; i < receivers.size(); ++i) {
         std::array<FoundPoint, shared_points> found;
         const size_t count = cache.lookup.find(receivers[i].position, receivers[i].geometric_normal, found);
-        Moments sums = trials[i].moments;
+        OddsMoments& sums = results[i].moments = trials[i].moments;
         for (const FoundPoint& near : std::span(found).first(count)) {
             for (size_t k = 0; k < sums.size(); ++k) sums[k] += trials[near.index].moments[k];
         }
         for (size_t k = 0; k < sums.size(); ++k) sums[k] += static_cast<double>(count + 1) * uncovered[i][k];
-        results[i].fraction =
-            candidates[static_cast<size_t>(std::min_element(sums.begin(), sums.end()) - sums.begin())];
         results[i].other_radiance = static_cast<float>(trials[i].root_radiance * trials[i].root_radiance);
     }
     return results;

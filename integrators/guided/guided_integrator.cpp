@@ -5,6 +5,7 @@
 #include <span>
 
 #include "integrators/guided/combined_worker.h"
+#include "integrators/guided/fraction_recorder.h"
 #include "integrators/guided/highlights.h"
 #include "integrators/guided/stopwatch.h"
 
@@ -59,7 +60,11 @@ GuidedIntegrator::GuidedIntegrator(const RenderContext& context, const CasterRep
     if (settings.lobe == LobeKind::slope) {
         SlopeMixtureOptions options;
         options.warp = settings.slope_warp;
-        keep(slope_lobes_, make_slope_cache(context, found, settings, statistics_), options);
+        MadeSlopeCache made = make_slope_cache(context, found, settings, statistics_);
+        keep(slope_lobes_, std::move(made.cache), options);
+        if (slope_lobes_ && !settings.guide_fraction) {
+            learner_ = std::make_unique<FractionLearner>(slope_lobes_->cache, std::move(made.expected));
+        }
     } else {
         SgMixtureOptions options;
         options.warp = settings.sg_warp;
@@ -100,6 +105,10 @@ const DirectionalGuide* GuidedIntegrator::guide() const {
 
 std::unique_ptr<IntegratorWorker> GuidedIntegrator::make_worker() const {
     const FilmGuide* film_guide = film_guide_.empty() ? nullptr : &film_guide_;
+    if (learner_ && light_tracing_) {
+        return std::make_unique<RecordedWorker<CombinedWorker>>(*learner_, film_guide, *light_tracing_);
+    }
+    if (learner_) return std::make_unique<RecordedWorker<PathWorker>>(*learner_, context_, guide(), film_guide);
     if (light_tracing_) return std::make_unique<CombinedWorker>(film_guide, *light_tracing_);
     return std::make_unique<PathWorker>(context_, guide(), film_guide);
 }
@@ -127,7 +136,8 @@ std::optional<IntegratorStatistics> GuidedIntegrator::statistics() const {
                                  {"newton_converged", s.search.exact + s.search.relaxed},
                                  {"representative_paths", s.paths},
                                  {"points_cut_short", s.search.cut_short},
-                                 {"highlight_pixels", film_guide_.pixels().size()}},
+                                 {"highlight_pixels", film_guide_.pixels().size()},
+                                 {"lessons", learner_ ? learner_->lessons() : 0}},
                                 {{"seconds_hierarchy", s.seconds_hierarchy},
                                  {"seconds_highlights", s.seconds_highlights},
                                  {"seconds_receivers", s.seconds_receivers},
@@ -135,7 +145,9 @@ std::optional<IntegratorStatistics> GuidedIntegrator::statistics() const {
                                  {"seconds_solve", s.seconds_solve},
                                  {"seconds_lobes", s.seconds_lobes},
                                  {"seconds_photons", s.seconds_photons},
-                                 {"seconds_fractions", s.seconds_fractions}}};
+                                 {"seconds_fractions", s.seconds_fractions},
+                                 {"seconds_lessons", learner_ ? learner_->seconds() : 0.0},
+                                 {"mean_fraction", slope_lobes_ ? mean_fraction(slope_lobes_->cache.points) : 0.0}}};
 }
 
 }  // namespace nephroid

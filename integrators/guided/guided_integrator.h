@@ -12,6 +12,7 @@
 #include <optional>
 
 #include "guiding/film_guide.h"
+#include "integrators/guided/fraction_learner.h"
 #include "integrators/guided/sg_cache.h"
 #include "integrators/guided/slope_cache.h"
 #include "integrators/subpaths/light_tracing.h"
@@ -43,6 +44,7 @@ class GuidedIntegrator final : public Integrator {
     std::string name() const override { return "guided"; }
     std::unique_ptr<IntegratorWorker> make_worker() const override;
     bool makes_splats() const override { return light_tracing_ != nullptr; }
+    Learner* learner() const override { return learner_.get(); }
     std::optional<IntegratorStatistics> statistics() const override;
 
     /// Null where nothing is to be guided to.
@@ -67,6 +69,7 @@ class GuidedIntegrator final : public Integrator {
     std::unique_ptr<LightTracing> light_tracing_;  ///< Null: camera paths only.
     std::unique_ptr<MixtureCache<SgMixtures>> spherical_gaussians_;
     std::unique_ptr<MixtureCache<SlopeMixtures>> slope_lobes_;
+    std::unique_ptr<FractionLearner> learner_;  ///< Of slope_lobes_; null: fractions stay as they are.
 };
 
 }  // namespace nephroid

@@ -42,7 +42,7 @@ struct GuidedSettings {
     Selection selection = Selection::local_minima;
     SgWarp sg_warp = SgWarp::mirror;
     SlopeWarp slope_warp = SlopeWarp::newton;
-    /// Probability of the guide against the BSDF, 0 .. 1 exclusive; none: from what each cached point expects of both.
+    /// Probability of the guide against the BSDF, 0 .. 1 exclusive; none: as each cached point expects, then learned.
     std::optional<float> guide_fraction;
     /// Splats of light paths aimed at casters, beside camera paths: of so many samples one brings a light path (a power
     /// of two up to 64; 0: none). None: where photons tell that it pays.

@@ -29,7 +29,9 @@ FilmGuide find_highlights(const RenderContext& context, GuidedPaths& prepared, c
         if (!(lobe.weight > 0.0F)) continue;
         // What a white wall in the mirror's place would show.
         const double irradiance = emitter_at(context, prepared.lights[path.light], y).irradiance;
-        lobes.push_back({unmoved(lobe, receiver.position), lobe.weight, static_cast<float>(irradiance) * inv_pi});
+        const SlopeLobe<float> at_pinhole = unmoved(lobe, receiver.position);
+        if (!is_usable(at_pinhole)) continue;
+        lobes.push_back({at_pinhole, lobe.weight, static_cast<float>(irradiance) * inv_pi});
     }
     prepared.paths = {};
     return FilmGuide(rays, lobes);

@@ -19,7 +19,7 @@ namespace {
 /// Lobes that bring less than this share of a point's light are dropped: they cost more time than they take noise away.
 constexpr float least_weight_share = 0.003F;
 
-/// Until try_guide has found a better one.
+/// Until moments have told a better one.
 constexpr float trial_fraction = 0.5F;
 
 /// At most so many points are added, as a share of those before.
@@ -51,20 +51,22 @@ class SlopeCacheMaker {
         options_.warp = settings.slope_warp;
     }
 
-    SlopeCache run() {
+    MadeSlopeCache run() {
         make_lobes();
         rebuild();
         statistics_.seconds_lobes = stopwatch_.lap();
-        if (cache_.points.empty() || settings_.photons == 0.0 || is_over()) return std::move(cache_);
+        if (cache_.points.empty() || settings_.photons == 0.0 || is_over()) return made();
         trace_photons();
         add_points();
         if (settings_.bounces > 1) add_reflector_points();
         if (settings_.bounces > 1 && settings_.long_paths == LongPaths::photons) add_long_paths();
         if (!settings_.guide_fraction) choose_fractions();
-        return std::move(cache_);
+        return made();
     }
 
   private:
+    MadeSlopeCache made() { return {std::move(cache_), std::move(expected_)}; }
+
     /// Of the receivers that have none yet.
     void make_lobes() {
         const size_t before = lobes_.size();
@@ -142,9 +144,11 @@ class SlopeCacheMaker {
     void choose_fractions() {
         const std::vector<GuideTrial> trials =
             try_guide(context_, found_.receivers, cache_, options_, photons_, coverage_);
+        expected_.resize(trials.size());
         for (size_t i = 0; i < trials.size(); ++i) {
+            expected_[i] = trials[i].moments;
             cache_.points[i].other_radiance = trials[i].other_radiance;
-            if (!lobes_[i].empty()) cache_.points[i].fraction = trials[i].fraction;
+            if (!lobes_[i].empty()) cache_.points[i].fraction = least_variance_fraction(expected_[i], trial_fraction);
         }
         statistics_.seconds_fractions = stopwatch_.lap();
     }
@@ -163,12 +167,13 @@ class SlopeCacheMaker {
     bool serves_reflectors_ = false;
     std::vector<CausticPhoton> photons_;
     std::vector<PhotonCoverage> coverage_;
+    std::vector<OddsMoments> expected_;
 };
 
 }  // namespace
 
-SlopeCache make_slope_cache(const RenderContext& context, GuidedPaths& found, const GuidedSettings& settings,
-                            GuidedStatistics& statistics) {
+MadeSlopeCache make_slope_cache(const RenderContext& context, GuidedPaths& found, const GuidedSettings& settings,
+                                GuidedStatistics& statistics) {
     return SlopeCacheMaker(context, found, settings, statistics).run();
 }
 
