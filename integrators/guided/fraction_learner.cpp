@@ -8,7 +8,7 @@
 #include <span>
 
 #include "core/byte_stream.h"
-#include "integrators/guided/stopwatch.h"
+#include "integrators/stopwatch.h"
 
 namespace nephroid {
 
