@@ -104,7 +104,8 @@ class RenderLoop {
         data_ = load_checkpoint(settings_.checkpoint, settings_.fingerprint, film_);
         this_run_first_ = first_unfinished();
         if (learner_ != nullptr) {
-            learner_->restore(data_.learned);
+            // Nothing was, where a time limit had left nothing to learn about.
+            if (!data_.learned.empty()) learner_->restore(data_.learned);
             films_.earlier() = std::move(data_.earlier_films);
         }
         progress_.verbose("resumed at " + std::to_string(film_.min_spp()) + " spp");

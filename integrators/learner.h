@@ -34,7 +34,7 @@ class Learner {
 
     /// All that has been learned and gathered, for checkpoints.
     virtual std::vector<uint8_t> state() const = 0;
-    /// From what `state` gave, with the same scene and settings.
+    /// From what `state` gave, with the same scene and settings; what a time limit had made otherwise is learned anew.
     virtual void restore(const std::vector<uint8_t>& state) = 0;
 };
 

@@ -4,6 +4,7 @@ import argparse
 import json
 import os
 import random
+import re
 import signal
 import struct
 import subprocess
@@ -46,6 +47,18 @@ def exr_size(path):
         packed = struct.unpack_from("<i", data, offset + 4)[0]
         assert offset + 8 + packed <= len(data), f"{path} is truncated"
     return window[2] - window[0] + 1, lines
+
+
+def wait_until_caught(process, sent) -> None:
+    """Until the process has installed its handler of the signal: a loaded machine takes seconds to start a program."""
+    deadline = time.monotonic() + 20.0
+    while time.monotonic() < deadline:
+        status = Path(f"/proc/{process.pid}/status").read_text()
+        caught = int(re.search(r"^SigCgt:\s*([0-9a-f]+)", status, re.MULTILINE)[1], 16)
+        if caught >> (sent - 1) & 1:
+            return
+        time.sleep(0.01)
+    raise AssertionError(f"signal {sent} is not caught after 20 s")
 
 
 class CommandLine(unittest.TestCase):
@@ -283,7 +296,7 @@ class CommandLine(unittest.TestCase):
         for sent in [signal.SIGINT, signal.SIGTERM]:
             process = subprocess.Popen([RENDER, "-i", "path", "--spp", "1000000", "--size", "64x48", "-q", "-o",
                                         str(self.path / "out.exr"), "--checkpoint", str(self.path / "state"), str(self.scene)])
-            time.sleep(1.0)
+            wait_until_caught(process, sent)
             process.send_signal(sent)
             self.assertEqual(process.wait(timeout=20), 130)
             self.assertEqual(exr_size(self.path / "out.exr"), (64, 48))

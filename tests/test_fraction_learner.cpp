@@ -258,3 +258,16 @@ TEST_CASE("learning: interrupted after every pass and resumed, the same bits") {
     }
     std::filesystem::remove(checkpoint);
 }
+
+TEST_CASE("learning: what was learned for another cache is left alone") {
+    SlopeCache many = row_of_points(40, 0.5F), few = row_of_points(10, 0.25F);
+    FractionLearner before(many, {}), after(few, {});
+    for (uint32_t i = 0; i < 40; ++i) before.record(i, 0, 1.0F);
+    before.learn(1);
+    after.restore(before.state());
+    CHECK(after.lessons() == 0);
+    for (const CachedPoint& point : few.points) CHECK(point.fraction == 0.25F);
+    for (uint32_t i = 0; i < 10; ++i) after.record(i, odds_bins - 1, 1.0F);
+    after.learn(1);
+    CHECK(few.points[9].fraction > 0.25F);
+}

@@ -73,12 +73,17 @@ def read_json(path: str):
         return None
 
 
-def write_text(path: str, text: str) -> None:
+def write_bytes(path: str, data: bytes) -> None:
     """Whole or not at all."""
     temporary = f"{path}.{os.getpid()}.tmp"
-    with open(temporary, "w", encoding="utf-8") as file:
-        file.write(text)
+    with open(temporary, "wb") as file:
+        file.write(data)
     os.replace(temporary, path)
+
+
+def write_text(path: str, text: str) -> None:
+    """The same."""
+    write_bytes(path, text.encode())
 
 
 def write_json(path: str, value) -> None:

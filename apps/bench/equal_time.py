@@ -56,6 +56,8 @@ def parse_arguments():
                         help="what the crops show (default: where errors are largest)")
     parser.add_argument("--with", dest="others", action="append", default=[], metavar="RESULTS.json",
                         help="results of apps/bench/peers.py to show beside ours; may be given again")
+    parser.add_argument("--pictures", metavar="FOLDER",
+                        help="write SCENE_curves.png and SCENE_pictures.png (seed 0 of every method) there, too")
     return parser.parse_args()
 
 
@@ -144,7 +146,7 @@ def compare(arguments) -> bool:
         results = {**results, **add_others(arguments, results, noise)}
     write_json(os.path.join(arguments.out, "results.json"), results)
     page = os.path.join(arguments.out, "report.html")
-    report.write_report(results, arguments.out, page, arguments.crop)
+    report.write_report(results, arguments.out, page, arguments.crop, arguments.pictures)
     print(report.markdown(results))
     say(f"report: {page}")
     return not any("failure" in record for record in records)

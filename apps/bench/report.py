@@ -15,7 +15,7 @@ import numpy
 from bench_environment import BENCH_FOLDER, SCENES_FOLDER
 from bench_errors import (HIGHEST_ERROR, LOWEST_ERROR, curve_of, error_map, exposure_of, median_curve, png_bytes,
                           read_exr, tone_mapped)
-from bench_runs import write_text
+from bench_runs import write_bytes, write_text
 
 # Key, title, digits, factor.
 ERROR_COLUMNS = [
@@ -195,22 +195,47 @@ class SceneReport:
                 f'<div class="curves">{self.curves()}</div>{table(entries, COST_COLUMNS)}</section>')
 
     def data(self) -> dict:
-        """What the page's script shows: seed 0 (or the first that succeeded) of every method, and the reference."""
+        """What the page's script shows: the first run of every method, and the reference."""
         exposure = exposure_of(self.reference)
         pictures, values = [], []
-        for method in self.results["methods"]:
-            runs = sorted((r for r in self.records if r["method"] == method["name"]), key=lambda r: r["seed"])
-            if runs:
-                picture = read_exr(os.path.join(self.out, runs[0]["picture"]))
-                values.append(picture)
-                pictures.append({"name": method["name"], "picture": encoded(tone_mapped(picture, exposure)),
-                                 "error": encoded(coloured(error_map(picture, self.reference)))})
+        for name, picture in self.first_runs():
+            values.append(picture)
+            pictures.append({"name": name, "picture": encoded(tone_mapped(picture, exposure)),
+                             "error": encoded(coloured(error_map(picture, self.reference)))})
         pictures.append({"name": "reference", "picture": encoded(tone_mapped(self.reference, exposure)), "error": None})
         height, width = self.reference.shape[:2]
         return {"name": self.scene, "size": [width, height], "pictures": pictures,
                 "crop": list(self.crop or interesting_crop(values, self.reference))}
 
     def curves(self) -> str:
+        from matplotlib import pyplot
+        figure = self.draw_curves()
+        output = io.StringIO()
+        figure.savefig(output, format="svg", metadata={"Date": None})
+        pyplot.close(figure)
+        return re.sub(r"^.*?(?=<svg)", "", output.getvalue(), flags=re.DOTALL)
+
+    def write_pictures(self, folder: str) -> None:
+        """SCENE_curves.png and SCENE_pictures.png: the first run of every method side by side."""
+        from matplotlib import pyplot
+        figure = self.draw_curves()
+        figure.savefig(os.path.join(folder, f"{self.scene}_curves.png"), dpi=80, metadata={"Software": None})
+        pyplot.close(figure)
+        exposure = exposure_of(self.reference)
+        row = [tone_mapped(picture, exposure) for _, picture in self.first_runs()]
+        if row:
+            write_bytes(os.path.join(folder, f"{self.scene}_pictures.png"), png_bytes(numpy.concatenate(row, axis=1)))
+
+    def first_runs(self) -> list[tuple[str, numpy.ndarray]]:
+        """Seed 0 (or the first that succeeded) of every method that has one."""
+        found = []
+        for method in self.results["methods"]:
+            runs = sorted((r for r in self.records if r["method"] == method["name"]), key=lambda r: r["seed"])
+            if runs:
+                found.append((method["name"], read_exr(os.path.join(self.out, runs[0]["picture"]))))
+        return found
+
+    def draw_curves(self):
         from matplotlib import pyplot
         figure, axes = pyplot.subplots(1, 2, figsize=(11.4, 4.2), layout="constrained")
         for axis, error, title in zip(axes, ["rmse", "relmse_trimmed"], ["RMSE", "relMSE, worst 0.1 % left out"]):
@@ -222,10 +247,7 @@ class SceneReport:
             axis.spines[["top", "right"]].set_visible(False)
             if any(lines):
                 axis.legend(fontsize=8.5, frameon=False)
-        output = io.StringIO()
-        figure.savefig(output, format="svg", metadata={"Date": None})
-        pyplot.close(figure)
-        return re.sub(r"^.*?(?=<svg)", "", output.getvalue(), flags=re.DOTALL)
+        return figure
 
     def draw_method(self, axis, error: str, place: int, name: str):
         """Thin lines for the runs, a thick one for their median; returns that one's points."""
@@ -291,13 +313,17 @@ def methods_of(results: dict) -> str:
                    for method in results["methods"])
 
 
-def write_report(results: dict, out: str, path: str, crop=None) -> None:
-    """results: as in results.json; pictures are read from the folder `out`."""
+def write_report(results: dict, out: str, path: str, crop=None, pictures: str | None = None) -> None:
+    """results: as in results.json; pictures are read from the folder `out`. `pictures`: a folder for PNG files."""
     import matplotlib
     matplotlib.use("Agg")
     matplotlib.rcParams.update({"svg.fonttype": "path", "svg.hashsalt": "nephroid", "font.size": 9.5})
     scenes = list(dict.fromkeys(entry["scene"] for entry in results["summaries"]))
     reports = [SceneReport(results, scene, out, crop) for scene in scenes]
+    if pictures:
+        os.makedirs(pictures, exist_ok=True)
+        for scene_report in reports:
+            scene_report.write_pictures(pictures)
     with open(os.path.join(BENCH_FOLDER, "report_template.html"), encoding="utf-8") as file:
         page = file.read()
     links = "".join(f'<a href="#{html.escape(name)}">{html.escape(name)}</a>'

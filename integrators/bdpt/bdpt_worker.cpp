@@ -80,7 +80,7 @@ void BdptWorker::render(const SampleBlock& block, SampleBuffer& samples) {
 void BdptWorker::find_vertices(uint32_t bounce, SampleBuffer& samples) {
     const Surfaces& surfaces = render_.surfaces;
     const auto object_count = static_cast<uint32_t>(surfaces.object_count());
-    tracer_.find_plain_vertices(render_.lights.environment() != nullptr);
+    tracer_.find_vertices(render_.lights.environment() != nullptr);
     const HitBatch& hits = tracer_.hits;
     for (const uint32_t i : tracer_.special) {
         const uint32_t object = hits.object[i];

@@ -6,9 +6,10 @@
 #include <bit>
 #include <numeric>
 #include <span>
+#include <utility>
 
 #include "core/byte_stream.h"
-#include "integrators/guided/stopwatch.h"
+#include "integrators/stopwatch.h"
 
 namespace nephroid {
 
@@ -153,13 +154,20 @@ std::vector<uint8_t> FractionLearner::state() const {
     return writer.take();
 }
 
+// With a time limit, the cache that was made this time may have other points: they learn anew.
 void FractionLearner::restore(const std::vector<uint8_t>& state) {
     ByteReader reader(state);
-    lessons_ = reader.value<uint64_t>();
-    reader.array(moments_.sums());
-    reader.array(counts_);
+    const auto lessons = reader.value<uint64_t>();
+    std::vector<ExactFloatSums::Sum> sums;
+    std::vector<uint64_t> counts;
     std::vector<float> fractions;
+    reader.array(sums);
+    reader.array(counts);
     reader.array(fractions);
+    if (fractions.size() != cache_.points.size()) return;
+    lessons_ = lessons;
+    moments_.sums() = std::move(sums);
+    counts_ = std::move(counts);
     for (size_t i = 0; i < fractions.size(); ++i) cache_.points[i].fraction = fractions[i];
 }
 

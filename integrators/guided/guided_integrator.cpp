@@ -7,7 +7,7 @@
 #include "integrators/guided/combined_worker.h"
 #include "integrators/guided/fraction_recorder.h"
 #include "integrators/guided/highlights.h"
-#include "integrators/guided/stopwatch.h"
+#include "integrators/stopwatch.h"
 
 namespace nephroid {
 

@@ -12,7 +12,7 @@
 
 #include "core/delta_light.h"
 #include "integrators/driver.h"
-#include "integrators/guided/stopwatch.h"
+#include "integrators/stopwatch.h"
 #include "pathcut/curvature.h"
 
 namespace nephroid {

@@ -9,8 +9,8 @@
 #include "integrators/guided/guide_fraction.h"
 #include "integrators/guided/reflector_points.h"
 #include "integrators/guided/slope_lobe_maker.h"
-#include "integrators/guided/stopwatch.h"
 #include "integrators/guided/uncovered_photons.h"
+#include "integrators/stopwatch.h"
 
 namespace nephroid {
 

@@ -156,18 +156,8 @@ void PathWorker::collect_vertices(uint32_t bounce, SampleBuffer& samples) {
     const bool last = bounce == context_.max_depth;
     const bool has_environment = context_.lights.environment() != nullptr;
     const auto object_count = static_cast<uint32_t>(surfaces.object_count());
-    // Plain hits first, listed without a branch; whatever needs more work goes the slow way below.
-    size_t vertex_count = 0;
-    special_paths_.clear();
-    for (size_t i = 0; i < paths_.rays.count; ++i) {
-        const uint32_t object = hits_.object[i];
-        const bool on_object = object < object_count;
-        const bool plain = on_object && surfaces.is_plain(object);
-        vertices_.path[vertex_count] = static_cast<uint32_t>(i);
-        vertex_count += plain && !last ? 1 : 0;
-        if (!plain && (object != no_hit || has_environment)) special_paths_.push_back(static_cast<uint32_t>(i));
-    }
-    vertices_.count = vertex_count;
+    list_hits(surfaces, paths_, hits_, has_environment, vertices_, special_paths_);
+    if (last) vertices_.count = 0;
     interpolate_plain_vertices(surfaces, paths_, hits_, vertices_);
     for (const uint32_t i : special_paths_) {
         const uint32_t object = hits_.object[i];

@@ -45,6 +45,22 @@ NEPHROID_FLATTEN void start_camera_paths(const RenderContext& context, const Sam
     }
 }
 
+// Plain hits without a branch.
+void list_hits(const Surfaces& surfaces, const PathWave& paths, const HitBatch& hits, bool wants_misses,
+               VertexWave& vertices, std::vector<uint32_t>& special) {
+    const auto object_count = static_cast<uint32_t>(surfaces.object_count());
+    size_t count = 0;
+    special.clear();
+    for (size_t i = 0; i < paths.rays.count; ++i) {
+        const uint32_t object = hits.object[i];
+        const bool plain = object < object_count && surfaces.is_plain(object);
+        vertices.path[count] = static_cast<uint32_t>(i);
+        count += plain ? 1 : 0;
+        if (!plain && (object != no_hit || wants_misses)) special.push_back(static_cast<uint32_t>(i));
+    }
+    vertices.count = count;
+}
+
 NEPHROID_FLATTEN void interpolate_plain_vertices(const Surfaces& surfaces, const PathWave& paths, const HitBatch& hits,
                                                  VertexWave& vertices) {
     const RayBatch& rays = paths.rays;

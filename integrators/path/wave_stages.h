@@ -1,6 +1,8 @@
 // Stages that camera paths, and sub-paths from either end, have in common.
 #pragma once
 
+#include <vector>
+
 #include "integrators/integrator.h"
 #include "integrators/path/wave.h"
 
@@ -15,7 +17,12 @@ inline constexpr float least_survival = 0.05F;
 void start_camera_paths(const RenderContext& context, const SampleBlock& block, uint32_t film_dimension,
                         AlignedArray<uint32_t>& seeds, AlignedArray<uint32_t>& indices, PathWave& paths);
 
-/// Vertices 0 .. count - 1, whose `path` is set, at hits on plain surfaces (Surfaces::is_plain). Leaves flags alone.
+/// Sets `path` of the vertices at hits on plain surfaces (Surfaces::is_plain), and how many there are. Lists all other
+/// hits in `special`, for the caller to see to; also what hit nothing, if that is wanted.
+void list_hits(const Surfaces& surfaces, const PathWave& paths, const HitBatch& hits, bool wants_misses,
+               VertexWave& vertices, std::vector<uint32_t>& special);
+
+/// Vertices 0 .. count - 1, whose `path` is set, at hits on plain surfaces. Leaves flags alone.
 void interpolate_plain_vertices(const Surfaces& surfaces, const PathWave& paths, const HitBatch& hits,
                                 VertexWave& vertices);
 

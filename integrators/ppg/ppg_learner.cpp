@@ -1,7 +1,8 @@
 #include "integrators/ppg/ppg_learner.h"
 
 #include <bit>
-#include <chrono>
+
+#include "integrators/stopwatch.h"
 
 namespace nephroid {
 
@@ -15,10 +16,10 @@ std::optional<uint32_t> PpgLearner::next_lesson(uint32_t samples) const {
 }
 
 void PpgLearner::learn(uint32_t samples) {
-    const auto start = std::chrono::steady_clock::now();
+    Stopwatch stopwatch;
     tree_.refine(samples);
     ++lessons_;
-    seconds_refine_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    seconds_refine_ += stopwatch.lap();
 }
 
 std::vector<uint8_t> PpgLearner::state() const {

@@ -121,7 +121,7 @@ void LightSubpaths::add_path(size_t slot, const EmissionSample& emission) {
 
 void LightSubpaths::find_vertices(uint32_t bounce) {
     const Surfaces& surfaces = context_.render.surfaces;
-    tracer_.find_plain_vertices(false);
+    tracer_.find_vertices(false);
     for (const uint32_t i : tracer_.special) {
         const uint32_t object = tracer_.hits.object[i];
         if (object >= surfaces.object_count()) continue;  // A sphere light reflects nothing.

@@ -19,20 +19,9 @@ void SubpathTracer::trace(bool coherent) {
     context_.accelerator.intersect(paths.rays, coherent, hits);
 }
 
-void SubpathTracer::find_plain_vertices(bool wants_misses) {
-    const Surfaces& surfaces = context_.surfaces;
-    const auto object_count = static_cast<uint32_t>(surfaces.object_count());
-    size_t vertex_count = 0;
-    special.clear();
-    for (size_t i = 0; i < paths.rays.count; ++i) {
-        const uint32_t object = hits.object[i];
-        const bool plain = object < object_count && surfaces.is_plain(object);
-        vertices.path[vertex_count] = static_cast<uint32_t>(i);
-        vertex_count += plain ? 1 : 0;
-        if (!plain && (object != no_hit || wants_misses)) special.push_back(static_cast<uint32_t>(i));
-    }
-    vertices.count = vertex_count;
-    interpolate_plain_vertices(surfaces, paths, hits, vertices);
+void SubpathTracer::find_vertices(bool wants_misses) {
+    list_hits(context_.surfaces, paths, hits, wants_misses, vertices, special);
+    interpolate_plain_vertices(context_.surfaces, paths, hits, vertices);
 }
 
 NEPHROID_FLATTEN void SubpathTracer::carry_sums() {

@@ -27,7 +27,7 @@ class SubpathTracer {
     void trace(bool coherent);
     /// Vertices at hits on surfaces without texture, emission or instance; all other hits and misses are listed in
     /// `special`, for the caller to push_vertex what scatters.
-    void find_plain_vertices(bool wants_misses);
+    void find_vertices(bool wants_misses);
     /// Sums from the last scattering carried to the vertices; not for first vertices.
     void carry_sums();
 
