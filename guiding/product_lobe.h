@@ -16,24 +16,46 @@
 
 namespace nephroid {
 
-/// A shading point's BSDF as seen from wo. World space.
+/// What a shading point scatters to wo, in luminance. World space.
 template <class F>
 struct GlossyView {
-    Triple<F> wo;                          ///< Unit.
-    Triple<F> normal, tangent, bitangent;  ///< Shading frame.
-    BsdfParameters<F> bsdf;                ///< alpha not below delta_alpha.
+    Triple<F> wo;               ///< Unit.
+    Triple<F> normal, tangent;  ///< Of the shading frame.
+    F alpha;                    ///< Not below delta_alpha; zero where there is no narrow specular part.
+    F f0, f90;                  ///< Schlick's reflectance of the specular part.
+    F diffuse;                  ///< The diffuse part's value, 1/sr.
 };
 
-/// Luminance of the specular part's value in direction w (unit), without the cosine, 1/sr; zero below the horizon.
+/// `wo` unit.
+inline GlossyView<float> make_glossy_view(const BsdfParameters<float>& bsdf, const Triple<float>& wo,
+                                          const Frame<float>& frame) {
+    const float rest = 1.0F - bsdf.metallic;
+    const float transmittance = coat_transmittance(bsdf, std::max(dot(wo, frame.n), 0.0F));
+    return {wo,
+            frame.n,
+            frame.s,
+            bsdf.alpha,
+            bsdf.metallic * luminance(bsdf.base) + rest * luminance(bsdf.coat_f0),
+            bsdf.metallic + rest * bsdf.coat_f90,
+            rest * transmittance * luminance(bsdf.base) * inv_pi};
+}
+
+/// At v.h = cosine.
+template <class F>
+F specular_reflectance(const GlossyView<F>& view, const F& cosine) {
+    return view.f0 + (view.f90 - view.f0) * schlick_weight(cosine);
+}
+
+/// The specular part's value in direction w (unit), without the cosine, 1/sr; zero below the horizon.
 template <class F>
 F specular_value(const GlossyView<F>& view, const Triple<F>& w) {
-    const Triple<F> wo{dot(view.wo, view.tangent), dot(view.wo, view.bitangent), dot(view.wo, view.normal)};
-    const Triple<F> wi{dot(w, view.tangent), dot(w, view.bitangent), dot(w, view.normal)};
+    const Triple<F> bitangent = cross(view.normal, view.tangent);
+    const Triple<F> wo{dot(view.wo, view.tangent), dot(view.wo, bitangent), dot(view.wo, view.normal)};
+    const Triple<F> wi{dot(w, view.tangent), dot(w, bitangent), dot(w, view.normal)};
     const auto above = (wo.z > F(0.0F)) && (wi.z > F(0.0F));
     const Triple<F> h = normalized(wo + wi);
-    const F visibility = F(0.5F) / (wi.z * smith_term(wo, view.bsdf.alpha) + wo.z * smith_term(wi, view.bsdf.alpha));
-    const F value =
-        luminance(specular_reflectance(view.bsdf, dot(wo, h))) * ggx_density(h, view.bsdf.alpha) * visibility;
+    const F visibility = F(0.5F) / (wi.z * smith_term(wo, view.alpha) + wo.z * smith_term(wi, view.alpha));
+    const F value = specular_reflectance(view, dot(wo, h)) * ggx_density(h, view.alpha) * visibility;
     return select(above, value, F(0.0F));
 }
 
@@ -73,13 +95,14 @@ ProductCentre<F> product_step(const LobePlane<F>& plane, const GlossyView<F>& vi
     const Triple<F> w = along * inverse_length;
     const Triple<F> sum = view.wo + w;
     const F inverse_normal = one / maximum(dot(sum, view.normal), F(1e-4F));
-    const F inverse_alpha = one / view.bsdf.alpha;
-    const F slope1 = dot(sum, view.tangent) * inverse_normal, slope2 = dot(sum, view.bitangent) * inverse_normal;
+    const F inverse_alpha = one / view.alpha;
+    const Triple<F> bitangent = cross(view.normal, view.tangent);
+    const F slope1 = dot(sum, view.tangent) * inverse_normal, slope2 = dot(sum, bitangent) * inverse_normal;
     const auto column = [&](const Triple<F>& u, F& a1, F& a2) {
         const Triple<F> change = (u - w * dot(w, u)) * inverse_length;
         const F tilt = dot(change, view.normal);
         a1 = (dot(change, view.tangent) - slope1 * tilt) * inverse_normal * inverse_alpha;
-        a2 = (dot(change, view.bitangent) - slope2 * tilt) * inverse_normal * inverse_alpha;
+        a2 = (dot(change, bitangent) - slope2 * tilt) * inverse_normal * inverse_alpha;
     };
     F a11, a21, a12, a22;
     column(plane.u1, a11, a21);
@@ -132,31 +155,26 @@ inline constexpr float least_overlapped_share = 0.1F;
 /// Integrals are not told at more grazing angles than that.
 inline constexpr float least_cosine = 0.02F;
 
-/// `mirror`: the mirror direction of view.wo, unit. `lobe` needs a volume.
+/// `lobe` needs a volume, and the view a specular part.
 template <class F>
-LobeProduct<F> make_lobe_product(const SlopeLobe<F>& lobe, const GlossyView<F>& view, const Triple<F>& mirror) {
+LobeProduct<F> make_lobe_product(const SlopeLobe<F>& lobe, const GlossyView<F>& view) {
     const F zero(0.0F), least(least_overlapped_share);
+    const F cosine = dot(view.wo, view.normal);
+    const Triple<F> mirror = view.normal * (F(2.0F) * cosine) - view.wo;
     const LobePlane<F> plane = plane_of(lobe);
-    const auto target = [&](const Triple<F>& w) { return lobe_density(lobe, w) * specular_value(view, w); };
-    // From the lobe's centre and from the BSDF's: the product of tails this long has a maximum near each if they are
-    // far apart.
+    // From the lobe's centre or the BSDF's, whichever brings more: the product of tails this long has a maximum near
+    // each if they are far apart.
+    const F own_density = lobe_density(lobe, plane.axis), own_value = specular_value(view, plane.axis);
+    const F mirror_density = lobe_density(lobe, mirror), mirror_value = specular_value(view, mirror);
     const F depth = dot(lobe.axis, mirror);
-    const F inverse_depth = select(depth > F(0.01F), F(1.0F) / depth, zero);
-    const ProductCentre<F> near_own = product_centre(plane, view, zero, zero);
-    const ProductCentre<F> near_bsdf =
-        product_centre(plane, view, dot(lobe.row1, mirror) * inverse_depth, dot(lobe.row2, mirror) * inverse_depth);
-    const F own_target = target(near_own.direction), bsdf_target = target(near_bsdf.direction);
-    const auto own_is_better = !(bsdf_target > own_target);
-    const auto choose = [&](const F& own, const F& bsdf) { return select(own_is_better, own, bsdf); };
-    const ProductCentre<F> centre{
-        choose(near_own.m1, near_bsdf.m1),   choose(near_own.m2, near_bsdf.m2),
-        choose(near_own.s11, near_bsdf.s11), choose(near_own.s12, near_bsdf.s12),
-        choose(near_own.s22, near_bsdf.s22), select<F>(own_is_better, near_own.direction, near_bsdf.direction),
-    };
+    const auto from_mirror = (depth > F(0.01F)) && (mirror_density * mirror_value > own_density * own_value);
+    const F scale = select(from_mirror, F(1.0F) / depth, zero);
+    const ProductCentre<F> centre =
+        product_centre(plane, view, dot(lobe.row1, mirror) * scale, dot(lobe.row2, mirror) * scale);
     LobeProduct<F> result;
     result.lobe = product_shape(lobe, centre);
     const F centre_density = lobe_density(result.lobe, centre.direction);
-    const F centre_target = choose(own_target, bsdf_target);
+    const F centre_target = lobe_density(lobe, centre.direction) * specular_value(view, centre.direction);
     const auto usable =
         is_usable(result.lobe) && is_finite(centre_density) && (centre_density > zero) && is_finite(centre_target);
     result.product_weight = select(usable, centre_target / centre_density, zero);
@@ -164,14 +182,10 @@ LobeProduct<F> make_lobe_product(const SlopeLobe<F>& lobe, const GlossyView<F>& 
         return select(usable, result.product_weight * lobe_density(result.lobe, w), zero);
     };
     // What is left for the lobe at its own centre, and for the BSDF at its own.
-    const F own_density = lobe_density(lobe, plane.axis), own_value = specular_value(view, plane.axis);
     result.own_weight = maximum(own_value - covered(plane.axis) / own_density, least * own_value);
-    const F mirror_density = lobe_density(lobe, mirror);
-    const F mirror_value = specular_value(view, mirror);
     const F mirror_left = mirror_density * (mirror_value - result.own_weight) - covered(mirror);
     // The BSDF's sampling has the shape of its value, whose integral is about F / cos.
-    const F cosine = dot(view.wo, view.normal);
-    const F integral = luminance(specular_reflectance(view.bsdf, cosine)) / maximum(cosine, F(least_cosine));
+    const F integral = specular_reflectance(view, cosine) / maximum(cosine, F(least_cosine));
     result.bsdf_weight =
         select(mirror_value > zero, maximum(mirror_left / mirror_value, least * mirror_density) * integral, zero);
     return result;

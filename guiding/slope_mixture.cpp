@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "guiding/hemisphere.h"
 
@@ -15,7 +16,7 @@ namespace {
 constexpr float kernel_width = 0.125F;
 
 /// Wider specular parts vary less over a lobe than is worth the work.
-constexpr float widest_glossy_alpha = 0.3F;
+constexpr float widest_glossy_alpha = 0.1F;
 
 /// The BSDF's own sampling keeps at least a tenth at glossy points (lobes.md, Sec. 6).
 constexpr float most_glossy_fraction = 0.9F;
@@ -28,17 +29,13 @@ bool is_narrow(const BsdfParameters<float>& bsdf) {
            (bsdf.metallic > 0.0F || bsdf.coat_f90 > 0.0F);
 }
 
-Triple<FloatV> broadcast(const Triple<float>& v) {
-    return {FloatV(v.x), FloatV(v.y), FloatV(v.z)};
-}
+/// Lobes and products that bring less than this share of what a glossy point's mixture brings are dropped.
+constexpr float least_glossy_share = 1e-3F;
 
-GlossyView<FloatV> broadcast(const GlossyView<float>& view) {
-    const BsdfParameters<float>& p = view.bsdf;
-    return {broadcast(view.wo),
-            broadcast(view.normal),
-            broadcast(view.tangent),
-            broadcast(view.bitangent),
-            {broadcast(p.base), broadcast(p.coat_f0), FloatV(p.coat_f90), FloatV(p.metallic), FloatV(p.alpha)}};
+std::array<AlignedArray<float>, 9> nine_arrays(size_t size) {
+    using Array = AlignedArray<float>;
+    return {Array(size), Array(size), Array(size), Array(size), Array(size),
+            Array(size), Array(size), Array(size), Array(size)};
 }
 
 }  // namespace
@@ -47,6 +44,7 @@ SlopeMixtures::SlopeMixtures(const Cache& cache, const Options& options)
     : cache_(cache),
       options_(options),
       cached_(padded_to_packets(enough_lobes + most_points * cache.most_lobes())),
+      mixture_(cached_.size()),
       kernel_(cached_.size()),
       from_x_(cached_.size()),
       from_y_(cached_.size()),
@@ -54,14 +52,20 @@ SlopeMixtures::SlopeMixtures(const Cache& cache, const Options& options)
       to_x_(cached_.size()),
       to_y_(cached_.size()),
       to_z_(cached_.size()),
-      product_offset_(cached_.size()),
-      lobe_{doubled(), doubled(), doubled(), doubled(), doubled(), doubled(), doubled(), doubled(), doubled()},
-      weight_(doubled()),
-      density_(doubled()) {}
+      lobe_(nine_arrays(3 * cached_.size() + simd_width)),
+      weight_(lobe_[0].size()),
+      density_(lobe_[0].size()),
+      views_(most_mixtures),
+      product_(nine_arrays(cached_.size())),
+      product_density_(cached_.size()),
+      own_weight_(cached_.size()),
+      product_weight_(cached_.size()),
+      bsdf_weight_(cached_.size()) {}
 
 void SlopeMixtures::clear() {
     size_ = 0;
     lobe_count_ = 0;
+    has_glossy_ = false;
 }
 
 void SlopeMixtures::add(std::span<const FoundPoint> found, const GuideVertex& vertex) {
@@ -83,21 +87,24 @@ void SlopeMixtures::add(std::span<const FoundPoint> found, const GuideVertex& ve
     mixture.lobe_count = static_cast<uint32_t>(lobe_count_) - mixture.first_lobe;
     mixture.fraction = mixture.lobe_count == 0 ? 0.0F : fraction / kernels;
     mixture.is_glossy = is_narrow(vertex.bsdf) && mixture.fraction > 0.0F;
-    if (mixture.is_glossy) look_from(vertex, mixture);
+    look_from(vertex, mixture);
 }
 
-void SlopeMixtures::look_from(const GuideVertex& vertex, Mixture& mixture) const {
-    const Frame<float> frame = make_frame(to_triple(vertex.shading_normal));
-    mixture.view = {to_triple(vertex.wo), frame.n, frame.s, frame.t, vertex.bsdf};
-    const float cosine = std::max(glm::dot(vertex.wo, vertex.shading_normal), 0.0F);
-    mixture.diffuse_value =
-        (1.0F - vertex.bsdf.metallic) * coat_transmittance(vertex.bsdf, cosine) * luminance(vertex.bsdf.base) * inv_pi;
+void SlopeMixtures::look_from(const GuideVertex& vertex, Mixture& mixture) {
+    if (mixture.is_glossy) {
+        const Frame<float> frame = make_frame(to_triple(vertex.shading_normal));
+        views_.set(size_ - 1, make_glossy_view(vertex.bsdf, to_triple(vertex.wo), frame));
+        has_glossy_ = true;
+    } else if (has_glossy_) {
+        views_.set(size_ - 1, {});
+    }
 }
 
 void SlopeMixtures::collect(const CachedPoint& point, float kernel, const Vec3& x) {
     for (uint32_t k = 0; k < point.lobe_count; ++k) {
         const size_t i = lobe_count_++;
         cached_[i] = point.first_lobe + k;
+        mixture_[i] = static_cast<uint32_t>(size_ - 1);
         cache_.lobes.prefetch(cached_[i]);
         kernel_[i] = kernel;
         from_x_[i] = point.position.x;
@@ -111,12 +118,16 @@ void SlopeMixtures::collect(const CachedPoint& point, float kernel, const Vec3& 
 
 void SlopeMixtures::prepare() {
     warp();
+    if (has_glossy_) multiply();
+    kept_end_ = cached_.size();
     for (size_t k = 0; k < size_; ++k) {
-        if (mixtures_[k].fraction == 0.0F) continue;
-        if (mixtures_[k].is_glossy) {
-            weigh_glossy(mixtures_[k]);
+        Mixture& mixture = mixtures_[k];
+        if (mixture.fraction == 0.0F) continue;
+        if (mixture.is_glossy) {
+            weigh_glossy(mixture);
         } else {
-            normalise(mixtures_[k]);
+            const float* first = &weight_[mixture.first_lobe];
+            normalise(mixture, std::accumulate(first, first + mixture.lobe_count, 0.0F));
         }
     }
 }
@@ -140,90 +151,92 @@ NEPHROID_FLATTEN void SlopeMixtures::warp() {
     }
 }
 
-// Weights to probabilities, determinants to densities.
-void SlopeMixtures::normalise(Mixture& mixture) {
-    float total = 0.0F;
-    const size_t end = mixture.first_lobe + mixture.lobe_count;
-    for (size_t i = mixture.first_lobe; i < end; ++i) total += weight_[i];
+// Weights that add up to `total` to probabilities, determinants to densities.
+void SlopeMixtures::normalise(Mixture& mixture, float total) {
     if (!(total > 0.0F) || !(total < std::numeric_limits<float>::infinity())) {
         mixture.fraction = 0.0F;
         return;
     }
-    mixture.protective_weight = options_.protective_weight;
-    scale_weights(mixture.first_lobe, mixture.lobe_count, (1.0F - options_.protective_weight) / total);
-}
-
-void SlopeMixtures::scale_weights(size_t first, size_t count, float scale) {
-    for (size_t i = first; i < first + count; ++i) {
+    const float scale = (1.0F - options_.protective_weight) / total;
+    mixture.protective_weight = 1.0F;
+    for (size_t i = mixture.first_lobe; i < mixture.first_lobe + mixture.lobe_count; ++i) {
         weight_[i] *= scale;
         density_[i] *= weight_[i] * inv_pi;
+        mixture.protective_weight -= weight_[i];
+    }
+}
+
+// Products of all glossy points' lobes, with weights for both in what they bring to wo.
+NEPHROID_FLATTEN void SlopeMixtures::multiply() {
+    const FloatV zero(0.0F);
+    for (size_t i = 0; i < lobe_count_; i += simd_width) {
+        const auto active = first_lanes(lobe_count_ - i);
+        const GlossyView<FloatV> view = views_.gather(UintV(&mixture_[i], stdx::vector_aligned), active);
+        const auto glossy = active && (view.alpha > zero);
+        if (!any_of(glossy)) continue;
+        const auto load = [i](const Array& array) { return FloatV(&array[i], stdx::vector_aligned); };
+        std::array<FloatV, 9> fields;
+        for (size_t f = 0; f < fields.size(); ++f) fields[f] = load(lobe_[f]);
+        const FloatV weight = load(weight_);
+        const LobeProduct<FloatV> product = make_lobe_product(std::bit_cast<SlopeLobe<FloatV>>(fields), view);
+        const auto usable = glossy && (weight > zero) && is_finite(product.own_weight) &&
+                            is_finite(product.product_weight) && is_finite(product.bsdf_weight);
+        const auto store = [i](const FloatV& value, Array& array) { value.copy_to(&array[i], stdx::vector_aligned); };
+        store(select(usable, weight * (view.diffuse + product.own_weight), zero), own_weight_);
+        store(select(usable, weight * product.bsdf_weight, zero), bsdf_weight_);
+        store(select(usable, weight * product.product_weight, zero), product_weight_);
+        store(product.lobe.determinant(), product_density_);
+        fields = std::bit_cast<std::array<FloatV, 9>>(product.lobe);
+        for (size_t f = 0; f < fields.size(); ++f) store(fields[f], product_[f]);
     }
 }
 
 // Probabilities of lobes, products and the BSDF, from what each would bring.
 void SlopeMixtures::weigh_glossy(Mixture& mixture) {
-    Totals totals = multiply(mixture);
-    const float cosine = std::max(dot(mixture.view.wo, mixture.view.normal), 0.0F);
-    totals.bsdf += mixture.other_radiance * luminance(specular_reflectance(mixture.view.bsdf, cosine));
+    const GlossyView<float>& view = views_.get(static_cast<size_t>(&mixture - mixtures_.data()));
+    float guided = 0.0F, irradiance = 0.0F, bsdf = 0.0F;
+    for (size_t i = mixture.first_lobe; i < mixture.first_lobe + mixture.lobe_count; ++i) {
+        guided += own_weight_[i] + product_weight_[i];
+        irradiance += weight_[i];
+        bsdf += bsdf_weight_[i];
+    }
+    const float cosine = std::max(dot(view.wo, view.normal), 0.0F);
+    bsdf += mixture.other_radiance * specular_reflectance(view, cosine);
     // The cached fraction is a diffuse surface's: so much goes to the BSDF for the diffuse part.
-    totals.bsdf += totals.diffuse * (1.0F - mixture.fraction) / mixture.fraction;
-    const float all = totals.guided + totals.bsdf;
-    const float fraction = std::min(totals.guided / all, most_glossy_fraction);
-    if (!(fraction > least_glossy_fraction) || !(all < std::numeric_limits<float>::infinity())) {
+    bsdf += irradiance * view.diffuse * (1.0F - mixture.fraction) / mixture.fraction;
+    const float fraction = std::min(guided / (guided + bsdf), most_glossy_fraction);
+    if (!(fraction > least_glossy_fraction)) {
         mixture.fraction = 0.0F;
         return;
     }
     mixture.fraction = fraction;
-    mixture.protective_weight = options_.protective_weight;
-    const float scale = (1.0F - options_.protective_weight) / totals.guided;
-    scale_weights(mixture.first_lobe, mixture.lobe_count, scale);
-    scale_weights(mixture.first_lobe + product_offset_, mixture.lobe_count, scale);
+    keep_heavy(mixture, least_glossy_share * guided);
 }
 
-// Lobes' weights become what they bring to wo; their products are appended.
-NEPHROID_FLATTEN SlopeMixtures::Totals SlopeMixtures::multiply(const Mixture& mixture) {
-    const GlossyView<FloatV> view = broadcast(mixture.view);
-    const Triple<FloatV> mirror = view.normal * (FloatV(2.0F) * dot(view.normal, view.wo)) - view.wo;
-    const FloatV zero(0.0F), diffuse(mixture.diffuse_value);
-    FloatV guided(0.0F), bsdf(0.0F), irradiance(0.0F);
-    for (size_t i = 0; i < mixture.lobe_count; i += simd_width) {
-        const size_t at = mixture.first_lobe + i;
-        const auto load = [at](const Array& array) { return FloatV(&array[at], stdx::element_aligned); };
-        const FloatV weight = load(weight_);
-        const auto active = first_lanes(mixture.lobe_count - i);
-        const LobeProduct<FloatV> product = make_lobe_product(load_lobe(at), view, mirror);
-        const auto usable = active && (weight > zero) && is_finite(product.own_weight) &&
-                            is_finite(product.product_weight) && is_finite(product.bsdf_weight);
-        const FloatV own = select(usable, weight * (diffuse + product.own_weight), zero);
-        const FloatV joint = select(usable, weight * product.product_weight, zero);
-        guided += own + joint;
-        irradiance += select(usable, weight, zero);
-        bsdf += select(usable, weight * product.bsdf_weight, zero);
-        // The next mixture's lobes follow.
-        select(active, own, weight).copy_to(&weight_[at], stdx::element_aligned);
-        const auto fields = std::bit_cast<std::array<FloatV, 9>>(product.lobe);
-        const size_t behind = at + product_offset_;
-        const auto has_joint = joint > zero;
-        for (size_t f = 0; f < fields.size(); ++f) {
-            select(has_joint, fields[f], zero).copy_to(&lobe_[f][behind], stdx::element_aligned);
-        }
-        joint.copy_to(&weight_[behind], stdx::element_aligned);
-        select(has_joint, product.lobe.determinant(), zero).copy_to(&density_[behind], stdx::element_aligned);
+// Lobes and products of at least that weight become the mixture.
+void SlopeMixtures::keep_heavy(Mixture& mixture, float least_weight) {
+    const size_t first = kept_end_, begin = mixture.first_lobe, end = begin + mixture.lobe_count;
+    for (size_t i = begin; i < end; ++i) {
+        if (own_weight_[i] > least_weight) keep(lobe_, i, own_weight_[i], density_[i]);
     }
-    return {stdx::reduce(guided), stdx::reduce(irradiance) * mixture.diffuse_value, stdx::reduce(bsdf)};
+    for (size_t i = begin; i < end; ++i) {
+        if (product_weight_[i] > least_weight) keep(product_, i, product_weight_[i], product_density_[i]);
+    }
+    mixture.first_lobe = static_cast<uint32_t>(first);
+    mixture.lobe_count = static_cast<uint32_t>(kept_end_ - first);
+    normalise(mixture, std::accumulate(&weight_[first], &weight_[kept_end_], 0.0F));
+}
+
+void SlopeMixtures::keep(const std::array<Array, 9>& lobes, size_t i, float weight, float determinant) {
+    for (size_t f = 0; f < lobe_.size(); ++f) lobe_[f][kept_end_] = lobes[f][i];
+    weight_[kept_end_] = weight;
+    density_[kept_end_++] = determinant;
 }
 
 SlopeLobe<float> SlopeMixtures::get(size_t i) const {
     std::array<float, 9> fields;
     for (size_t f = 0; f < fields.size(); ++f) fields[f] = lobe_[f][i];
     return std::bit_cast<SlopeLobe<float>>(fields);
-}
-
-SlopeLobe<FloatV> SlopeMixtures::load_lobe(size_t i) const {
-    const auto load = [i](const Array& array) { return FloatV(&array[i], stdx::element_aligned); };
-    return {{load(lobe_[0]), load(lobe_[1]), load(lobe_[2])},
-            {load(lobe_[3]), load(lobe_[4]), load(lobe_[5])},
-            {load(lobe_[6]), load(lobe_[7]), load(lobe_[8])}};
 }
 
 Vec3 SlopeMixtures::sample(size_t k, float u_choice, float u, float v) const {
@@ -233,33 +246,25 @@ Vec3 SlopeMixtures::sample(size_t k, float u_choice, float u, float v) const {
         if (left < weight_[i]) return sample_slope_lobe(get(i), left / weight_[i], u, v);
         left -= weight_[i];
     }
-    if (mixture.is_glossy) {
-        const size_t first = mixture.first_lobe + product_offset_;
-        for (size_t i = first; i < first + mixture.lobe_count; ++i) {
-            if (left < weight_[i]) return sample_slope_lobe(get(i), left / weight_[i], u, v);
-            left -= weight_[i];
-        }
-    }
     return sample_uniform_hemisphere(mixture.normal, u, v);
 }
 
-float SlopeMixtures::pdf(size_t k, const Vec3& wi) const {
+NEPHROID_FLATTEN float SlopeMixtures::pdf(size_t k, const Vec3& wi) const {
     const Mixture& mixture = mixtures_[k];
     const Triple<FloatV> w{FloatV(wi.x), FloatV(wi.y), FloatV(wi.z)};
-    float sum = density_of_lobes(mixture.first_lobe, mixture.lobe_count, w);
-    if (mixture.is_glossy) sum += density_of_lobes(mixture.first_lobe + product_offset_, mixture.lobe_count, w);
-    return mixture.protective_weight * uniform_hemisphere_pdf(mixture.normal, wi) + sum;
-}
-
-NEPHROID_FLATTEN float SlopeMixtures::density_of_lobes(size_t first, size_t count, const Triple<FloatV>& w) const {
     FloatV sum(0.0F);
-    for (size_t i = 0; i < count; i += simd_width) {
-        const FloatV density =
-            relative_density(load_lobe(first + i), w) * FloatV(&density_[first + i], stdx::element_aligned);
+    for (size_t i = 0; i < mixture.lobe_count; i += simd_width) {
+        const auto load = [first = mixture.first_lobe + i](const Array& array) {
+            return FloatV(&array[first], stdx::element_aligned);
+        };
+        const SlopeLobe<FloatV> lobe{{load(lobe_[0]), load(lobe_[1]), load(lobe_[2])},
+                                     {load(lobe_[3]), load(lobe_[4]), load(lobe_[5])},
+                                     {load(lobe_[6]), load(lobe_[7]), load(lobe_[8])}};
+        const FloatV density = relative_density(lobe, w) * load(density_);
         // The next mixture's lobes follow.
-        sum += select(first_lanes(count - i), density, FloatV(0.0F));
+        sum += select(first_lanes(mixture.lobe_count - i), density, FloatV(0.0F));
     }
-    return stdx::reduce(sum);
+    return mixture.protective_weight * uniform_hemisphere_pdf(mixture.normal, wi) + stdx::reduce(sum);
 }
 
 LobeView SlopeMixtures::heaviest(size_t k) const {

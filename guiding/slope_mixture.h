@@ -5,7 +5,7 @@
 // adds nothing, times a kernel of the distance.
 //
 // Where the shading point has a narrow specular part itself (metal, a smooth coat), each lobe is joined by its product
-// with that (product_lobe.h), and weights and the guide's probability are what the products bring from lobe to wo.
+// with that (product_lobe.h), and weights and the guide's probability are what both bring from the lobe to wo.
 //
 // Mixtures are made for a group of shading points at once: most points have a few lobes, and vectors are filled with
 // those of many.
@@ -15,9 +15,10 @@
 
 #include "accel/ray_batch.h"
 #include "core/casters.h"
+#include "guiding/line_array.h"
 #include "guiding/lobe_cache.h"
 #include "guiding/product_lobe.h"
-#include "guiding/slope_lobe_array.h"
+#include "guiding/slope_warp.h"
 
 namespace nephroid {
 
@@ -27,7 +28,7 @@ struct SlopeMixtureOptions {
     float least_alpha = max_caster_alpha;  ///< DirectionalGuide::least_alpha.
 };
 
-using SlopeCache = LobeCache<SlopeLobeArray>;
+using SlopeCache = LobeCache<LineArray<CachedSlopeLobe>>;
 
 class SlopeMixtures {
   public:
@@ -70,47 +71,42 @@ class SlopeMixtures {
         Vec3 normal{0.0F, 1.0F, 0.0F};
         float fraction = 0.0F;
         float protective_weight = 1.0F;  ///< What the lobes leave.
-        uint32_t first_lobe = 0;         ///< In the arrays below.
-        uint32_t lobe_count = 0;
-        bool is_glossy = false;       ///< The rest is set then only; products are as many as lobes.
+        uint32_t first_lobe = 0;         ///< In `lobe_`.
+        uint32_t lobe_count = 0;         ///< With products, once they are made.
+        bool is_glossy = false;
         float other_radiance = 0.0F;  ///< CachedPoint::other_radiance.
-        float diffuse_value = 0.0F;   ///< Luminance of the BSDF's diffuse part, 1/sr.
-        GlossyView<float> view;
     };
 
-    /// Adds up what the lobes of a mixture bring by one way of sampling them.
-    struct Totals {
-        float guided = 0.0F;   ///< By lobes and products.
-        float diffuse = 0.0F;  ///< Of that, by the diffuse part.
-        float bsdf = 0.0F;     ///< By sampling the BSDF.
-    };
-
-    /// Room for lobes and products, where vectors may reach behind the last one.
-    Array doubled() const { return Array(2 * product_offset_ + simd_width); }
-    void look_from(const GuideVertex& vertex, Mixture& mixture) const;
-    Totals multiply(const Mixture& mixture);
-    void weigh_glossy(Mixture& mixture);
-    float density_of_lobes(size_t first, size_t count, const Triple<FloatV>& w) const;
-    SlopeLobe<FloatV> load_lobe(size_t i) const;
+    void look_from(const GuideVertex& vertex, Mixture& mixture);
     void collect(const CachedPoint& point, float kernel, const Vec3& x);
     void warp();
-    void normalise(Mixture& mixture);
-    void scale_weights(size_t first, size_t count, float scale);
+    void multiply();
+    void weigh_glossy(Mixture& mixture);
+    void keep_heavy(Mixture& mixture, float least_weight);
+    void keep(const std::array<Array, 9>& lobes, size_t i, float weight, float determinant);
+    void normalise(Mixture& mixture, float total);
     SlopeLobe<float> get(size_t i) const;
 
     const Cache& cache_;
     Options options_;
     std::array<Mixture, most_mixtures> mixtures_;
     size_t size_ = 0;
+    bool has_glossy_ = false;
     size_t lobe_count_ = 0;
-    // Of each lobe: where it is cached, its point's kernel and position, the shading point.
-    AlignedArray<uint32_t> cached_;
+    // Of each lobe: where it is cached, its mixture, its point's kernel and position, the shading point.
+    AlignedArray<uint32_t> cached_, mixture_;
     Array kernel_, from_x_, from_y_, from_z_, to_x_, to_y_, to_z_;
-    // At the shading point. Vectors may reach behind a mixture's last lobe. The second halves hold the products.
-    size_t product_offset_;
+    // At the shading point. Vectors may reach behind a mixture's last lobe. What a glossy mixture keeps of its lobes
+    // and products is behind all lobes.
     std::array<Array, 9> lobe_;  ///< Axis, row1 and row2, coordinate by coordinate.
     Array weight_;               ///< Probability of the lobe.
     Array density_;              ///< Factor of relative_density.
+    size_t kept_end_ = 0;
+    // At glossy shading points.
+    LineArray<GlossyView> views_;   ///< Of each mixture.
+    std::array<Array, 9> product_;  ///< As `lobe_`.
+    Array product_density_;
+    Array own_weight_, product_weight_, bsdf_weight_;  ///< What lobe, product and sampling of the BSDF bring to wo.
 };
 
 }  // namespace nephroid

@@ -19,13 +19,12 @@ SlopeLobe<float> lobe_about(const Vec3& axis, float first, float second, float t
     return {frame.n, s * (1.0F / first), cross(frame.n, s) * (1.0F / second)};
 }
 
-GlossyView<float> metal(const Vec3& wo, float alpha) {
-    const Frame<float> frame = make_frame(Triple<float>{0.0F, 0.0F, 1.0F});
-    GlossyView<float> view{to_triple(wo), frame.n, frame.s, frame.t, {}};
-    view.bsdf.base = {0.9F, 0.9F, 0.9F};
-    view.bsdf.metallic = 1.0F;
-    view.bsdf.alpha = alpha;
-    return view;
+BsdfParameters<float> metal(float alpha) {
+    BsdfParameters<float> bsdf{};
+    bsdf.base = {0.9F, 0.9F, 0.9F};
+    bsdf.metallic = 1.0F;
+    bsdf.alpha = alpha;
+    return bsdf;
 }
 
 Triple<float> mirror_of(const GlossyView<float>& view) {
@@ -46,13 +45,17 @@ constexpr Case cases[] = {
 };
 
 struct Setting {
+    BsdfParameters<float> bsdf;
+    Frame<float> frame;
     GlossyView<float> view;
     SlopeLobe<float> lobe;
 };
 
 Setting set_up(const Case& c) {
     Setting setting;
-    setting.view = metal(Vec3(std::cos(c.elevation), 0.0F, std::sin(c.elevation)), c.alpha);
+    setting.bsdf = metal(c.alpha);
+    setting.frame = make_frame(Triple<float>{0.0F, 0.0F, 1.0F});
+    setting.view = make_glossy_view(setting.bsdf, {std::cos(c.elevation), 0.0F, std::sin(c.elevation)}, setting.frame);
     const float shift = std::min(c.offset * std::max(2.0F * c.alpha, c.width), 0.5F);
     const Vec3 mirror = to_vec3(mirror_of(setting.view));
     const Vec3 axis = glm::normalize(mirror + shift * glm::normalize(Vec3(0.0F, 0.7F, 0.0F) + Vec3(0.3F, 0.0F, 0.6F)));
@@ -65,7 +68,7 @@ Setting set_up(const Case& c) {
 TEST_CASE("samples of a product's lobe match its density (chi-square)") {
     for (const Case& c : cases) {
         const Setting s = set_up(c);
-        const LobeProduct<float> product = make_lobe_product(s.lobe, s.view, mirror_of(s.view));
+        const LobeProduct<float> product = make_lobe_product(s.lobe, s.view);
         INFO("elevation ", c.elevation, " alpha ", c.alpha, " width ", c.width, " offset ", c.offset);
         REQUIRE(product.product_weight > 0.0F);
         const Vec3 centre = direction_at_slope(product.lobe, Vec2(0.0F));
@@ -85,8 +88,7 @@ TEST_CASE("lobe, product and BSDF together sample what both let through") {
     std::uniform_real_distribution<float> uniform(0.0F, 1.0F);
     for (const Case& c : cases) {
         const Setting s = set_up(c);
-        const LobeProduct<float> product = make_lobe_product(s.lobe, s.view, mirror_of(s.view));
-        const Frame<float> frame{s.view.tangent, s.view.bitangent, s.view.normal};
+        const LobeProduct<float> product = make_lobe_product(s.lobe, s.view);
         const float bsdf_weight = std::max(product.bsdf_weight, (product.own_weight + product.product_weight) / 9.0F);
         const float total = product.own_weight + product.product_weight + bsdf_weight;
         double sum = 0.0, squares = 0.0, alone = 0.0;
@@ -99,9 +101,9 @@ TEST_CASE("lobe, product and BSDF together sample what both let through") {
             } else if (choice < product.own_weight + product.product_weight) {
                 w = to_triple(sample_slope_lobe(product.lobe, uniform(generator), u, v));
             } else {
-                w = frame.to_world(sample_bsdf(s.view.bsdf, frame.to_local(s.view.wo), uniform(generator), u, v).wi);
+                w = s.frame.to_world(sample_bsdf(s.bsdf, s.frame.to_local(s.view.wo), uniform(generator), u, v).wi);
             }
-            const float bsdf_pdf = evaluate_bsdf(s.view.bsdf, frame.to_local(s.view.wo), frame.to_local(w)).pdf;
+            const float bsdf_pdf = evaluate_bsdf(s.bsdf, s.frame.to_local(s.view.wo), s.frame.to_local(w)).pdf;
             const float own_pdf = lobe_density(s.lobe, w);
             const float pdf = (product.own_weight * own_pdf + product.product_weight * lobe_density(product.lobe, w) +
                                bsdf_weight * bsdf_pdf) /

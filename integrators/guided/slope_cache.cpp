@@ -82,7 +82,7 @@ class SlopeCacheMaker {
             cache_.points[i].fraction = lobes_[i].empty() ? 0.0F : settings_.guide_fraction.value_or(trial_fraction);
             all.insert(all.end(), lobes_[i].begin(), lobes_[i].end());
         }
-        cache_.lobes = SlopeLobeArray(all);
+        cache_.lobes = LineArray<CachedSlopeLobe>(all);
         cache_.lookup = CachedPointLookup(cache_.points);
         cache_.leads_on = has_long_paths(found_);
         cache_.serves_reflectors = serves_reflectors_;
