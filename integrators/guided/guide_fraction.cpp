@@ -68,10 +68,9 @@ class FractionTrial {
     }
 
     void add_sample(const Receiver& receiver, size_t i, OddsMoments& sums) const {
-        const Rgb radiance(samples_.radiance[0][i], samples_.radiance[1][i], samples_.radiance[2][i]);
         const Vec3 direction = rays_.direction(i);
         const double cosine = double{glm::dot(receiver.geometric_normal, direction)};
-        const double integrand = double{luminance(radiance)} * cosine;
+        const double integrand = double{luminance(samples_.radiance_of(i))} * cosine;
         const float bsdf_pdf = static_cast<float>(cosine) * inv_pi, guide_pdf = mixtures_.pdf(0, direction);
         const double both = double{bsdf_pdf} + double{guide_pdf};
         const double moment = integrand * integrand / (0.5 * both * both);

@@ -295,7 +295,7 @@ class IncidentLight {
     }
 
     void add_ray(size_t i, uint32_t sample, uint32_t samples, DirectionPictures& pictures) {
-        Rgb radiance(buffer_.radiance[0][i], buffer_.radiance[1][i], buffer_.radiance[2][i]);
+        Rgb radiance = buffer_.radiance_of(i);
         if (!std::isfinite(radiance.r + radiance.g + radiance.b)) {
             ++nonfinite_;
             return;
