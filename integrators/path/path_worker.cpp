@@ -341,7 +341,7 @@ NEPHROID_FLATTEN void PathWorker::choose_directions(uint32_t bounce) {
         batch.direction.store(k, frame.to_world(sample.wi));
         wave.delta_weight.store(k, sample.weight);
         select(sample.delta, FloatV(1.0F), FloatV(0.0F)).copy_to(&wave.delta[k], stdx::vector_aligned);
-        const auto narrow = (bsdf.alpha < FloatV(least_guided_alpha_)) && (bsdf.metallic >= FloatV(1.0F));
+        const auto narrow = is_narrow_metal(bsdf.metallic, bsdf.alpha, least_guided_alpha_);
         select(narrow, FloatV(0.0F), FloatV(1.0F)).copy_to(&batch.fraction[k], stdx::vector_aligned);
         sample_1d(context_.sampler, seed, index, dimension_of(bounce, guide_choice))
             .copy_to(&batch.u_choice[k], stdx::vector_aligned);
