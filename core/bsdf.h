@@ -31,6 +31,13 @@ struct BsdfParameters {
     F alpha;            ///< GGX width, 0 .. 1.
 };
 
+/// Whether a surface of this metallic and alpha reflects by its specular lobe alone, and that is narrower than `limit`:
+/// with delta_alpha, whether it is a perfect mirror.
+template <class F>
+MaskOf<F> is_narrow_metal(const F& metallic, const F& alpha, float limit) {
+    return (metallic >= F(1.0F)) && (alpha < F(limit));
+}
+
 /// (1 - x)^5 of Schlick's approximation.
 template <class F>
 F schlick_weight(const F& cosine) {

@@ -55,6 +55,8 @@ struct SampleBuffer {
     AlignedArray<float> caustic[3];                   ///< Part of radiance that arrived as a caustic.
     AlignedArray<float> albedo[3], normal[3], depth;  ///< Of the first hit; zero where nothing was hit.
     std::vector<Splat> splats;  ///< Of integrators that trace light paths; keeps its capacity from block to block.
+
+    Rgb radiance_of(size_t slot) const { return {radiance[0][slot], radiance[1][slot], radiance[2][slot]}; }
 };
 
 /// Samples [first_sample, first_sample + sample_count) of every pixel of one tile. Slot s * pixel_count + p is sample

@@ -27,7 +27,9 @@ class Learner {
     virtual std::optional<uint32_t> next_lesson(uint32_t samples) const = 0;
     /// Before the first pass and after each lesson: whether another lesson will follow within the render's limits.
     /// Otherwise no pass has to be learned from any more.
-    virtual void expect_lesson(bool expected) = 0;
+    void expect_lesson(bool expected) { recording_ = expected; }
+    /// Whether the next pass is to be learned from.
+    bool recording() const { return recording_; }
     /// While nobody traces. Every pixel has `samples` samples since the last lesson.
     virtual void learn(uint32_t samples) = 0;
     virtual EarlierSamples earlier_samples() const = 0;
@@ -36,6 +38,9 @@ class Learner {
     virtual std::vector<uint8_t> state() const = 0;
     /// From what `state` gave, with the same scene and settings; what a time limit had made otherwise is learned anew.
     virtual void restore(const std::vector<uint8_t>& state) = 0;
+
+  private:
+    bool recording_ = true;
 };
 
 }  // namespace nephroid

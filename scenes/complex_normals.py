@@ -10,7 +10,7 @@ import sys
 
 from generator import run
 from gltf_writer import GltfBuilder
-from shapes import Waves, bumpy_rectangle, floor
+from shapes import Waves, add_leaning_plane
 
 PLANE_ALPHA = 0.001
 SIZE = 1.5
@@ -21,14 +21,7 @@ BUMPS = Waves([(0.0030, 17.3, 11.9, 0.4), (0.0027, -13.7, 21.1, 1.9), (0.0017, 3
 
 def build(alpha: float = PLANE_ALPHA) -> GltfBuilder:
     builder = GltfBuilder()
-    metal = builder.add_material("plane", (0.95, 0.93, 0.88), metallic=1.0, roughness=math.sqrt(alpha))
-    lambert = builder.add_material("floor", (0.7, 0.7, 0.7), metallic=0.0, roughness=1.0, specular=0.0)
-    plane = builder.add_mesh("plane", bumpy_rectangle(SIZE, SIZE, BUMPS, columns=112, rows=112), metal)
-    builder.add_node("floor", mesh=builder.add_mesh("floor", floor(8.0), lambert))
-    # Leans forward by 8 degrees, its lower edge just above the floor.
-    lean = math.radians(8.0)
-    builder.add_node("plane", translation=(0.0, 0.79, -0.6), mesh=plane,
-                     rotation=(math.sin(lean / 2.0), 0.0, 0.0, math.cos(lean / 2.0)))
+    add_leaning_plane(builder, SIZE, BUMPS, 112, (0.95, 0.93, 0.88), alpha, lean=8.0, height=0.79)
     builder.add_light("lamp", "point", 60.0, position=(-1.0, 3.6, 2.4))
     builder.add_perspective_camera("camera", (1.7, 2.9, 4.6), (0.2, 0.4, 0.2), math.radians(33.0), 4.0 / 3.0)
     return builder

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from gltf_writer import Geometry, cross, normalize, subtract
+from gltf_writer import Geometry, GltfBuilder, cross, normalize, subtract
 
 
 def quad(corner, edge_u, edge_v, with_uvs: bool = False) -> Geometry:
@@ -212,6 +212,21 @@ def bumpy_rectangle(width: float, height: float, waves: Waves, columns: int, row
         return (x, y, z), (width, 0.0, width * by_x), (0.0, height, height * by_y)
 
     return sheet(point, columns, rows)
+
+
+def add_leaning_plane(builder: GltfBuilder, size: float, waves: Waves, cells: int, colour, alpha: float,
+                      lean: float, height: float) -> None:
+    """A bumpy metal square that faces +Z and leans that way by `lean` degrees, and the Lambert floor below it.
+
+    cells: along each side. alpha: the metal's GGX width. height: of its centre, for a lower edge just above the floor.
+    """
+    metal = builder.add_material("plane", colour, metallic=1.0, roughness=math.sqrt(alpha))
+    lambert = builder.add_material("floor", (0.7, 0.7, 0.7), metallic=0.0, roughness=1.0, specular=0.0)
+    plane = builder.add_mesh("plane", bumpy_rectangle(size, size, waves, cells, cells), metal)
+    builder.add_node("floor", mesh=builder.add_mesh("floor", floor(8.0), lambert))
+    half = 0.5 * math.radians(lean)
+    builder.add_node("plane", translation=(0.0, height, -0.6), mesh=plane,
+                     rotation=(math.sin(half), 0.0, 0.0, math.cos(half)))
 
 
 def bumpy_arc(radius: float, length: float, first_angle: float, last_angle: float, waves: Waves, columns: int,

@@ -12,6 +12,7 @@
 #include "integrators/guided/combined_worker.h"
 #include "integrators/guided/fraction_recorder.h"
 #include "integrators/path/path_integrator.h"
+#include "integrators/path/recorded_worker.h"
 #include "tests/statistics.h"
 
 namespace nephroid::testing {
@@ -30,9 +31,12 @@ class GuidedBy final : public Integrator {
     std::string name() const override { return "guided by a test"; }
     std::unique_ptr<IntegratorWorker> make_worker() const override {
         if (learner_ != nullptr && light_tracing_) {
-            return std::make_unique<RecordedWorker<CombinedWorker>>(*learner_, nullptr, *light_tracing_);
+            return std::make_unique<RecordedWorker<CombinedWorker, FractionRecorder>>(*learner_, nullptr,
+                                                                                      *light_tracing_);
         }
-        if (learner_ != nullptr) return std::make_unique<RecordedWorker<PathWorker>>(*learner_, context_, &guide_);
+        if (learner_ != nullptr) {
+            return std::make_unique<RecordedWorker<PathWorker, FractionRecorder>>(*learner_, context_, &guide_);
+        }
         if (light_tracing_) return std::make_unique<CombinedWorker>(nullptr, *light_tracing_);
         return std::make_unique<PathWorker>(context_, &guide_);
     }

@@ -53,7 +53,7 @@ void VertexConnections::connect(uint32_t bounce, const VertexWave& vertices, con
                                 const LightVertices& light, SampleBuffer& samples) {
     pair_count_ = 0;
     for (size_t k = 0; k < vertices.count; ++k) {
-        if (vertices.metallic[k] >= 1.0F && vertices.alpha[k] < delta_alpha) continue;
+        if (is_narrow_metal(vertices.metallic[k], vertices.alpha[k], delta_alpha)) continue;
         for (uint32_t j = light.last[vertices.slot[k]]; j != no_vertex; j = light.vertices[j].previous) {
             // bounce + 1 scatterings of the camera path with this vertex, and those of the light path.
             if (bounce + 1 + light.vertices[j].scattering > context_.render.max_depth) continue;

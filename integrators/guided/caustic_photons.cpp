@@ -45,8 +45,8 @@ class PhotonTracer {
             photon.surface = context_.surfaces.interact(hit.object, hit.primitive, hit.u, hit.v, -photon.direction);
             photon.wi = -photon.direction;
             const BsdfParameters<float>& bsdf = photon.surface.bsdf;
-            const bool narrow_metal = bsdf.metallic >= 1.0F && bsdf.alpha < max_caster_alpha;
-            if (!narrow_metal) landed.push_back(landing(photon, hit, reflection + 1));
+            const bool narrow = is_narrow_metal(bsdf.metallic, bsdf.alpha, max_caster_alpha);
+            if (!narrow) landed.push_back(landing(photon, hit, reflection + 1));
             if (!context_.surfaces.is_caster(hit.object)) return;
         }
     }

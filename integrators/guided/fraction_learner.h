@@ -26,11 +26,8 @@ class FractionLearner final : public Learner {
         moments_.add(odds_bins * size_t{point} + bin, moment);
         std::atomic_ref<uint64_t>(counts_[point]).fetch_add(1, std::memory_order_relaxed);
     }
-    /// Whether samples are wanted.
-    bool recording() const { return recording_; }
 
     std::optional<uint32_t> next_lesson(uint32_t samples) const override;
-    void expect_lesson(bool expected) override { recording_ = expected; }
     void learn(uint32_t samples) override;
     EarlierSamples earlier_samples() const override { return EarlierSamples::kept; }
     std::vector<uint8_t> state() const override;
@@ -48,7 +45,6 @@ class FractionLearner final : public Learner {
     ExactFloatSums moments_;         ///< By point and bin.
     std::vector<uint64_t> counts_;   ///< Samples that found light, by point.
     std::vector<OddsMoments> seen_;  ///< While learning: moments_.
-    bool recording_ = true;
     uint64_t lessons_ = 0;
     double seconds_ = 0.0;
 };

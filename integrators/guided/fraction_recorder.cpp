@@ -1,16 +1,6 @@
 #include "integrators/guided/fraction_recorder.h"
 
-#include <algorithm>
-
 namespace nephroid {
-
-namespace {
-
-float luminance_of(const SampleBuffer& samples, size_t slot) {
-    return luminance(Rgb(samples.radiance[0][slot], samples.radiance[1][slot], samples.radiance[2][slot]));
-}
-
-}  // namespace
 
 void FractionRecorder::scattered(const ScatteredPaths& scattered, const SampleBuffer& samples) {
     if (scattered.directions == nullptr) return;
@@ -25,18 +15,18 @@ void FractionRecorder::scattered(const ScatteredPaths& scattered, const SampleBu
         uint32_t bin = 0;
         if (paths.pdf[i] > 0.0F) {
             const float pdf = paths.pdf[i], guide_pdf = directions.pdf[vertex];
-            const float bsdf_pdf = std::max((pdf - fraction * guide_pdf) / (1.0F - fraction), 0.0F);
+            const float bsdf_pdf = bsdf_pdf_within(pdf, fraction, guide_pdf);
             density = pdf / (guide_pdf + bsdf_pdf);
             bin = static_cast<uint32_t>(odds_bin(guide_pdf, bsdf_pdf));
         }
         const uint32_t slot = paths.slot[i];
-        choices_.push_back({slot, directions.place[vertex], bin, density, luminance_of(samples, slot)});
+        choices_.push_back({slot, directions.place[vertex], bin, density, luminance(samples.radiance_of(slot))});
     }
 }
 
 void FractionRecorder::finished(const SampleBuffer& samples) {
     for (const Choice& choice : choices_) {
-        const float found = luminance_of(samples, choice.slot) - choice.reached;
+        const float found = luminance(samples.radiance_of(choice.slot)) - choice.reached;
         if (found > 0.0F) learner_.record(choice.point, choice.bin, found * found * choice.density);
     }
     choices_.clear();

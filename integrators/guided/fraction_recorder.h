@@ -3,11 +3,9 @@
 // variance that shall be least.
 #pragma once
 
-#include <utility>
 #include <vector>
 
 #include "integrators/guided/fraction_learner.h"
-#include "integrators/integrator.h"
 #include "integrators/path/path_observer.h"
 
 namespace nephroid {
@@ -30,25 +28,6 @@ class FractionRecorder final : public PathObserver {
 
     FractionLearner& learner_;
     std::vector<Choice> choices_;  ///< Keeps its capacity from block to block.
-};
-
-/// Renders with a worker whose camera paths are watched while the learner wants samples.
-template <class Worker>
-class RecordedWorker final : public IntegratorWorker {
-  public:
-    template <class... Arguments>
-    explicit RecordedWorker(FractionLearner& learner, Arguments&&... arguments)
-        : learner_(learner), recorder_(learner), worker_(std::forward<Arguments>(arguments)...) {}
-    void render(const SampleBlock& block, SampleBuffer& samples) override {
-        worker_.set_observer(learner_.recording() ? &recorder_ : nullptr);
-        worker_.render(block, samples);
-    }
-    uint64_t rays() const override { return worker_.rays(); }
-
-  private:
-    const FractionLearner& learner_;
-    FractionRecorder recorder_;
-    Worker worker_;
 };
 
 }  // namespace nephroid

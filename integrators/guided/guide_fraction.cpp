@@ -77,14 +77,14 @@ class FractionTrial {
     }
 
     void add_sample(const Receiver& receiver, size_t i, TrialSums& sums) {
-        const Rgb radiance(samples_.radiance[0][i], samples_.radiance[1][i], samples_.radiance[2][i]);
+        const float radiance = luminance(samples_.radiance_of(i));
         const Vec3 direction = rays_.direction(i);
         const double cosine = double{glm::dot(receiver.geometric_normal, direction)};
-        const double integrand = double{luminance(radiance)} * cosine;
+        const double integrand = double{radiance} * cosine;
         const float bsdf_pdf = static_cast<float>(cosine) * inv_pi, guide_pdf = mixtures_.pdf(0, direction);
         if (bsdf_pdf > guide_pdf) {
             // Roots, because single dots of light would tell too much about the rest.
-            sums.root_radiance += std::sqrt(std::max(double{luminance(radiance)}, 0.0));
+            sums.root_radiance += std::sqrt(std::max(double{radiance}, 0.0));
             ++other_count_;
         }
         const double both = double{bsdf_pdf} + double{guide_pdf};

@@ -7,6 +7,7 @@
 #include "integrators/guided/combined_worker.h"
 #include "integrators/guided/fraction_recorder.h"
 #include "integrators/guided/highlights.h"
+#include "integrators/path/recorded_worker.h"
 #include "integrators/stopwatch.h"
 
 namespace nephroid {
@@ -106,9 +107,12 @@ const DirectionalGuide* GuidedIntegrator::guide() const {
 std::unique_ptr<IntegratorWorker> GuidedIntegrator::make_worker() const {
     const FilmGuide* film_guide = film_guide_.empty() ? nullptr : &film_guide_;
     if (learner_ && light_tracing_) {
-        return std::make_unique<RecordedWorker<CombinedWorker>>(*learner_, film_guide, *light_tracing_);
+        return std::make_unique<RecordedWorker<CombinedWorker, FractionRecorder>>(*learner_, film_guide,
+                                                                                  *light_tracing_);
     }
-    if (learner_) return std::make_unique<RecordedWorker<PathWorker>>(*learner_, context_, guide(), film_guide);
+    if (learner_) {
+        return std::make_unique<RecordedWorker<PathWorker, FractionRecorder>>(*learner_, context_, guide(), film_guide);
+    }
     if (light_tracing_) return std::make_unique<CombinedWorker>(film_guide, *light_tracing_);
     return std::make_unique<PathWorker>(context_, guide(), film_guide);
 }

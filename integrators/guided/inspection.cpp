@@ -22,10 +22,6 @@ namespace nephroid {
 
 namespace {
 
-bool is_perfect_mirror(const BsdfParameters<float>& bsdf) {
-    return bsdf.alpha < delta_alpha && bsdf.metallic >= 1.0F;
-}
-
 bool is_black(const BsdfParameters<float>& bsdf) {
     const bool coated = bsdf.metallic < 1.0F && (max_component(to_vec3(bsdf.coat_f0)) > 0.0F || bsdf.coat_f90 > 0.0F);
     return max_component(to_vec3(bsdf.base)) <= 0.0F && !coated;
@@ -36,7 +32,7 @@ bool is_black(const BsdfParameters<float>& bsdf) {
 bool is_guided(const RenderContext& context, const InspectedVertex& vertex, const DirectionalGuide* guide) {
     const BsdfParameters<float>& bsdf = vertex.surface.bsdf;
     return guide != nullptr && vertex.mirrors + 1 < context.max_depth && !context.lights.empty() &&
-           !(bsdf.alpha < guide->least_alpha() && bsdf.metallic >= 1.0F);
+           !is_narrow_metal(bsdf.metallic, bsdf.alpha, guide->least_alpha());
 }
 
 /// Points of one vertex at a time in a batch.
@@ -298,7 +294,7 @@ class IncidentLight {
     }
 
     void add_ray(size_t i, uint32_t sample, uint32_t samples, DirectionPictures& pictures) {
-        Rgb radiance(buffer_.radiance[0][i], buffer_.radiance[1][i], buffer_.radiance[2][i]);
+        Rgb radiance = buffer_.radiance_of(i);
         if (!std::isfinite(radiance.r + radiance.g + radiance.b)) {
             ++nonfinite_;
             return;
@@ -361,7 +357,8 @@ std::optional<InspectedVertex> find_inspected_vertex(const RenderContext& contex
         const Vec3 wo = -ray.direction;
         const SurfaceInteraction surface = context.surfaces.interact(hit.object, hit.primitive, hit.u, hit.v, wo);
         if (is_black(surface.bsdf) || glm::dot(surface.shading_normal, wo) <= 0.0F) return std::nullopt;
-        if (!is_perfect_mirror(surface.bsdf)) return InspectedVertex{surface, wo, hit.object, mirrors};
+        const bool is_mirror = is_narrow_metal(surface.bsdf.metallic, surface.bsdf.alpha, delta_alpha);
+        if (!is_mirror) return InspectedVertex{surface, wo, hit.object, mirrors};
         const Vec3 mirrored = glm::normalize(2.0F * glm::dot(surface.shading_normal, wo) * surface.shading_normal - wo);
         if (glm::dot(surface.geometric_normal, mirrored) <= 0.0F) return std::nullopt;
         ray = {offset_ray_origin(surface.position, surface.error, surface.geometric_normal, mirrored), mirrored};

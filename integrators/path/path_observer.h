@@ -1,6 +1,8 @@
 // Who watches paths being traced, to learn from them where light comes from.
 #pragma once
 
+#include <algorithm>
+
 #include "integrators/path/wave.h"
 
 namespace nephroid {
@@ -12,6 +14,12 @@ struct ScatteredPaths {
     const VertexWave& vertices;         ///< As they were before scattering.
     const GuideBatch* directions;       ///< Fractions and densities of the guide, by vertex; null: the BSDF alone.
 };
+
+/// The BSDF's density of a direction, from the density `pdf` of guide and BSDF together (the inverse of mixed_pdf).
+/// `fraction`: of the guide, below 1.
+inline float bsdf_pdf_within(float pdf, float fraction, float guide_pdf) {
+    return std::max((pdf - fraction * guide_pdf) / (1.0F - fraction), 0.0F);
+}
 
 /// Virtual per wave, not per ray.
 class PathObserver {

@@ -47,7 +47,6 @@ PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* gui
       vertices_(max_slots_per_block),
       lights_(max_slots_per_block),
       shadows_(max_slots_per_block),
-      scattered_from_(max_slots_per_block),
       film_guide_(film_guide),
       light_tracing_(light_tracing) {
     if (light_tracing != nullptr) rivals_.emplace(max_slots_per_block);
@@ -94,7 +93,7 @@ void PathWorker::trace_paths(SampleBuffer& samples) {
             scatter<false>(bounce);
         }
         if (observer_ != nullptr) {
-            observer_->scattered({paths_, scattered_from_, vertices_, guided ? &guided_->batch : nullptr}, samples);
+            observer_->scattered({paths_, *scattered_from_, vertices_, guided ? &guided_->batch : nullptr}, samples);
         }
     }
     if (observer_ != nullptr) observer_->finished(samples);
@@ -341,7 +340,7 @@ NEPHROID_FLATTEN void PathWorker::choose_directions(uint32_t bounce) {
         batch.direction.store(k, frame.to_world(sample.wi));
         wave.delta_weight.store(k, sample.weight);
         select(sample.delta, FloatV(1.0F), FloatV(0.0F)).copy_to(&wave.delta[k], stdx::vector_aligned);
-        const auto narrow = (bsdf.alpha < FloatV(least_guided_alpha_)) && (bsdf.metallic >= FloatV(1.0F));
+        const auto narrow = is_narrow_metal(bsdf.metallic, bsdf.alpha, least_guided_alpha_);
         select(narrow, FloatV(0.0F), FloatV(1.0F)).copy_to(&batch.fraction[k], stdx::vector_aligned);
         sample_1d(context_.sampler, seed, index, dimension_of(bounce, guide_choice))
             .copy_to(&batch.u_choice[k], stdx::vector_aligned);
@@ -441,7 +440,7 @@ NEPHROID_FLATTEN void PathWorker::scatter(uint32_t bounce) {
             offset_ray_origin(vertices_.position.load(k), vertices_.error.load(k), normal, wi);
         append_rays(rays, origin, wi, infinity, lives);
         if (observer_ != nullptr) {
-            compress_store(&scattered_from_[rays.count], lane_numbers() + UintV(static_cast<uint32_t>(k)), lives);
+            compress_store(&(*scattered_from_)[rays.count], lane_numbers() + UintV(static_cast<uint32_t>(k)), lives);
         }
         paths_.throughput.append(rays.count, weight, lives);
         compress_store(&paths_.pdf[rays.count], select(sample.delta, zero, sample.pdf), lives);

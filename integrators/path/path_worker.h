@@ -22,7 +22,10 @@ class PathWorker final : public IntegratorWorker {
                const LightTracing* light_tracing = nullptr);
     void render(const SampleBlock& block, SampleBuffer& samples) override;
     /// Who watches the paths from now on; null: nobody. The observer must outlive its use.
-    void set_observer(PathObserver* observer) { observer_ = observer; }
+    void set_observer(PathObserver* observer) {
+        observer_ = observer;
+        if (observer != nullptr && !scattered_from_) scattered_from_.emplace(max_slots_per_block);
+    }
     /// Radiance that arrives at the rays' origins against their directions, in slots 0 .. count - 1 of `samples`; at
     /// most max_slots_per_block rays of unit direction. `first_index` numbers the samples of all rays alike; rays of
     /// different `seeds` are independent.
@@ -67,7 +70,7 @@ class PathWorker final : public IntegratorWorker {
     LightWave lights_;
     ShadowWave shadows_;
     PathObserver* observer_ = nullptr;
-    PathArray<uint32_t> scattered_from_;  ///< Of each new ray: its vertex. Kept for the observer alone.
+    std::optional<PathArray<uint32_t>> scattered_from_;  ///< Of each new ray: its vertex. For observers alone.
     const FilmGuide* film_guide_;
     std::unique_ptr<GuideWorker> guide_;  ///< Null: not guided.
     float least_guided_alpha_ = 0.0F;     ///< DirectionalGuide::least_alpha.

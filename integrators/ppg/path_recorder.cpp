@@ -6,17 +6,13 @@ namespace nephroid {
 
 namespace {
 
-Rgb radiance_of(const SampleBuffer& samples, size_t slot) {
-    return {samples.radiance[0][slot], samples.radiance[1][slot], samples.radiance[2][slot]};
-}
-
 /// r = b / (b + g) of the densities of BSDF and guide, from the density of both together; below 0: the guide had no
 /// say.
 float bsdf_share_of(float pdf, const GuideBatch* directions, size_t vertex) {
     if (directions == nullptr || directions->fraction[vertex] == 0.0F) return -1.0F;
     if (pdf == 0.0F) return 1.0F;
-    const float fraction = directions->fraction[vertex], guide_pdf = directions->pdf[vertex];
-    const float bsdf_pdf = std::max((pdf - fraction * guide_pdf) / (1.0F - fraction), 0.0F);
+    const float guide_pdf = directions->pdf[vertex];
+    const float bsdf_pdf = bsdf_pdf_within(pdf, directions->fraction[vertex], guide_pdf);
     const float sum = bsdf_pdf + guide_pdf;
     return sum > 0.0F ? bsdf_pdf / sum : -1.0F;
 }
@@ -39,13 +35,13 @@ void PathRecorder::scattered(const ScatteredPaths& scattered, const SampleBuffer
         if (pdf == 0.0F && bsdf_share < 0.0F) continue;
         const uint32_t slot = paths.slot[i];
         vertices_.push_back({scattered.vertices.position.get(vertex), paths.rays.direction(i), paths.throughput.get(i),
-                             scattered.vertices.throughput.get(vertex), radiance_of(samples, slot), pdf, bsdf_share,
+                             scattered.vertices.throughput.get(vertex), samples.radiance_of(slot), pdf, bsdf_share,
                              slot});
     }
 }
 
 void PathRecorder::finished(const SampleBuffer& samples) {
-    for (const Vertex& vertex : vertices_) record(vertex, radiance_of(samples, vertex.slot) - vertex.reached);
+    for (const Vertex& vertex : vertices_) record(vertex, samples.radiance_of(vertex.slot) - vertex.reached);
     vertices_.clear();
 }
 

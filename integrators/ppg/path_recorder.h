@@ -5,6 +5,7 @@
 
 #include "guiding/sd_tree.h"
 #include "integrators/path/path_observer.h"
+#include "integrators/ppg/ppg_learner.h"
 
 namespace nephroid {
 
@@ -13,8 +14,8 @@ namespace nephroid {
 /// and paths that end at the vertex are no records.
 class PathRecorder final : public PathObserver {
   public:
-    /// Keeps a reference.
-    explicit PathRecorder(SdTree& tree) : tree_(tree) {}
+    /// Keeps a reference to the learner's tree.
+    explicit PathRecorder(PpgLearner& learner) : tree_(learner.tree()) {}
     void scattered(const ScatteredPaths& scattered, const SampleBuffer& samples) override;
     void finished(const SampleBuffer& samples) override;
 

@@ -12,7 +12,6 @@ class PpgLearner final : public Learner {
     PpgLearner(const Bounds& bounds, const PpgSettings& settings);
 
     std::optional<uint32_t> next_lesson(uint32_t samples) const override;
-    void expect_lesson(bool expected) override { recording_ = expected; }
     void learn(uint32_t samples) override;
     EarlierSamples earlier_samples() const override { return earlier_samples_; }
     std::vector<uint8_t> state() const override;
@@ -20,14 +19,12 @@ class PpgLearner final : public Learner {
 
     SdTree& tree() { return tree_; }
     const SdTreeGuide& guide() const { return guide_; }
-    bool recording() const { return recording_; }
     IntegratorStatistics statistics() const;
 
   private:
     SdTree tree_;
     SdTreeGuide guide_;
     EarlierSamples earlier_samples_;
-    bool recording_ = true;
     uint64_t lessons_ = 0;
     double seconds_refine_ = 0.0;  ///< This run only.
 };

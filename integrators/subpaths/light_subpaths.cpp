@@ -170,7 +170,7 @@ void LightSubpaths::set_flags(uint32_t bounce) {
 void LightSubpaths::store_vertices(uint32_t bounce) {
     const VertexWave& v = tracer_.vertices;
     for (size_t k = 0; k < v.count; ++k) {
-        if (v.metallic[k] >= 1.0F && v.alpha[k] < delta_alpha) continue;  // Nothing can be connected to a mirror.
+        if (is_narrow_metal(v.metallic[k], v.alpha[k], delta_alpha)) continue;  // Nothing can be connected to a mirror.
         uint32_t& last = stored_.last[v.slot[k]];
         const MisSums<float> sums = tracer_.sums.get(k);
         stored_.vertices.push_back({v.position.get(k), v.error.get(k), v.geometric_normal.get(k),
@@ -195,7 +195,7 @@ void LightSubpaths::ask_guide(const TripleArray& viewer) {
     GuideBatch& batch = *back_;
     batch.count = vertices.count;
     for (size_t k = 0; k < vertices.count; ++k) {
-        const bool narrow = vertices.alpha[k] < least_guided_alpha_ && vertices.metallic[k] >= 1.0F;
+        const bool narrow = is_narrow_metal(vertices.metallic[k], vertices.alpha[k], least_guided_alpha_);
         batch.fraction[k] = narrow ? 0.0F : 1.0F;
         batch.u_choice[k] = 1.0F;  // Keeps the direction as it is.
         batch.direction.set(k, vertices.wo.get(k));
