@@ -45,7 +45,7 @@ GuidedIntegrator::GuidedIntegrator(const RenderContext& context, const CasterRep
     Stopwatch stopwatch;
     GuidedPaths found = prepare_paths(context, casters, settings);
     statistics_.seconds_hierarchy = stopwatch.lap();
-    if (settings.lobe == LobeKind::slope) film_guide_ = find_highlights(context, found, settings);
+    if (settings.lobe == LobeKind::slope) film_guide_ = find_highlights(context, found, view, settings);
     statistics_.seconds_highlights = stopwatch.lap();
     found.receivers = choose_receivers(context, view, affordable_points(context, found, view, settings));
     statistics_.seconds_receivers = stopwatch.lap();

@@ -26,7 +26,7 @@ constexpr float trial_fraction = 0.5F;
 constexpr float most_added = 0.25F;
 
 /// The same for points on reflectors.
-constexpr float most_reflector_points = 0.25F;
+constexpr float most_reflector_points = 0.0625F;
 
 /// Of all paths of a receiver.
 std::vector<CachedSlopeLobe<float>> lobes_of(const SlopeLobeMaker& maker, const GuidedPaths& found, size_t index) {
