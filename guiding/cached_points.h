@@ -21,7 +21,8 @@ struct CachedPoint {
     float reach = 0.0F;             ///< Metres: the point serves no shading point further away.
     uint32_t first_lobe = 0;        ///< In LobeCache::lobes.
     uint32_t lobe_count = 0;
-    float fraction = 0.0F;  ///< Probability of guiding here, below one; zero where there is no lobe.
+    float fraction = 0.0F;        ///< Probability of guiding here, below one; zero where there is no lobe.
+    float other_radiance = 0.0F;  ///< What arrives besides the lobes' light, from anywhere: W/(m^2 sr) of luminance.
 };
 
 /// A cached point that serves a shading point.

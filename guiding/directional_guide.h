@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "accel/wave_array.h"
+#include "core/bsdf.h"
 
 namespace nephroid {
 
@@ -39,17 +40,50 @@ struct GuideBatch {
                                 ///< chooses the direction; zero where it knows nothing.
 
     // Answered, where fraction > 0.
-    PathArray<float> pdf;        ///< The mixture's density of `direction`, per solid angle.
-    PathArray<float> light_pdf;  ///< The same of light_direction.
-    PathArray<float> guided;     ///< 1: the direction is the guide's; also where fraction is zero.
-    PathArray<uint32_t> place;   ///< For observers: what the guide knows it from, its nearest cached point.
+    PathArray<float> pdf;                      ///< The mixture's density of `direction`, per solid angle.
+    PathArray<float> light_pdf;                ///< The same of light_direction.
+    PathArray<float> guided;                   ///< 1: the direction is the guide's; also where fraction is zero.
+    PathArray<uint32_t> place;                 ///< For observers: the cached point that `fraction` is of.
+    static constexpr uint32_t no_place = ~0U;  ///< It is of none, but of the vertex itself.
 };
 
-/// Where the vertices of a batch are.
+/// A vertex of a camera path: what a mixture may depend on.
+struct GuideVertex {
+    Vec3 position{0.0F};
+    Vec3 geometric_normal{0.0F, 0.0F, 1.0F};  ///< Unit, on the side of wo.
+    Vec3 shading_normal{0.0F, 0.0F, 1.0F};
+    Vec3 wo{0.0F, 0.0F, 1.0F};  ///< Unit, to where the camera path comes from.
+    BsdfParameters<float> bsdf{};
+};
+
+/// One that scatters evenly, whatever wo is.
+inline GuideVertex diffuse_guide_vertex(const Vec3& position, const Vec3& normal) {
+    GuideVertex vertex{position, normal, normal, normal, {}};
+    vertex.bsdf.base = {1.0F, 1.0F, 1.0F};
+    vertex.bsdf.alpha = 1.0F;
+    return vertex;
+}
+
+/// The vertices of a batch.
 struct GuidePoints {
     const TripleArray& position;
     const TripleArray& geometric_normal;  ///< Unit, on the side of wo.
     const TripleArray& light_direction;   ///< Unit; whose density is wanted too, where wants_light_pdf.
+    const TripleArray& wo;                ///< Unit, to where the camera path comes from.
+    const TripleArray& shading_normal;
+    const TripleArray& base;
+    const TripleArray& coat_f0;
+    const PathArray<float>& coat_f90;
+    const PathArray<float>& metallic;
+    const PathArray<float>& alpha;
+
+    GuideVertex get(size_t i) const {
+        return {position.get(i),
+                geometric_normal.get(i),
+                shading_normal.get(i),
+                wo.get(i),
+                {to_triple(base.get(i)), to_triple(coat_f0.get(i)), coat_f90[i], metallic[i], alpha[i]}};
+    }
 };
 
 /// One thread's state of a guide.

@@ -30,6 +30,9 @@ constexpr float mostly_inside = 0.9F;
 constexpr float wanted_inside = 4.0F;
 constexpr uint32_t most_candidates = 64;
 
+/// Positions of a sample.
+constexpr double most_positions = 256.0;
+
 /// (x + i * step) modulo 1: evenly spread for i = 0, 1, ...
 float spread(float x, uint32_t i, double step) {
     const double sum = static_cast<double>(x) + static_cast<double>(i) * step;
@@ -65,8 +68,11 @@ FilmGuide::FilmGuide(const CameraRays& rays, std::span<const FilmLobe> lobes)
         }
     }
     for (const auto& [at, found] : covered) {
-        Pixel pixel{at.second, at.first, 0.0F, static_cast<uint32_t>(shares_.size()),
-                    static_cast<uint32_t>(found.size())};
+        Pixel pixel;
+        pixel.x = at.second;
+        pixel.y = at.first;
+        pixel.first = static_cast<uint32_t>(shares_.size());
+        pixel.count = static_cast<uint32_t>(found.size());
         float total = 0.0F, background = 0.0F;
         for (const auto& [lobe, coverage] : found) {
             shares_.push_back({lobe, lobes_[lobe].irradiance * coverage.share});
@@ -85,9 +91,20 @@ FilmGuide::FilmGuide(const CameraRays& rays, std::span<const FilmLobe> lobes)
         const Vec2 centre(static_cast<float>(pixel.x) + 0.5F, static_cast<float>(pixel.y) + 0.5F);
         const Triple<float> direction = rays_.direction(centre.x, centre.y);
         const CameraView<float> view = projection_.view_along(direction);
-        const float radiance = total * view.pixel_density;
-        pixel.fraction = most_fraction * radiance / (radiance + background);
+        pixel.radiance = total * view.pixel_density;
+        pixel.fraction = most_fraction * pixel.radiance / (pixel.radiance + background);
         if (pixel.fraction > 0.0F && std::isfinite(pixel.fraction)) pixels_.push_back(pixel);
+    }
+}
+
+// Samples of a highlight deviate in proportion to its radiance, and so the least sum of all variances has positions in
+// proportion to it, too.
+void FilmGuide::add_positions(double count) {
+    double radiance = 0.0;
+    for (const Pixel& pixel : pixels_) radiance += double{pixel.radiance};
+    for (Pixel& pixel : pixels_) {
+        const double share = count * double{pixel.radiance} / radiance;
+        pixel.positions = static_cast<uint32_t>(std::min(1.0 + share, most_positions));
     }
 }
 

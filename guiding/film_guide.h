@@ -35,6 +35,8 @@ class FilmGuide {
         uint32_t first = 0;     ///< Of its lobes.
         uint32_t count = 0;
         uint32_t candidates = 1;  ///< Positions that are drawn for one that is used.
+        uint32_t positions = 1;   ///< Positions that make one sample, their mean.
+        float radiance = 0.0F;    ///< Of the highlights alone, W/(m^2 sr), as a scale.
     };
 
     FilmGuide() : projection_(CameraRays{}) {}
@@ -44,6 +46,10 @@ class FilmGuide {
     /// All pixels that are guided, in rows. Not the ones where a highlight is as wide as the pixel.
     const std::vector<Pixel>& pixels() const { return pixels_; }
     bool empty() const { return pixels_.empty(); }
+
+    /// Spends about so many positions beyond one on each round of samples, most where highlights are brightest: a few
+    /// pixels that outshine the rest of the picture by thousands have most of its variance.
+    void add_positions(double count);
 
     /// A position inside the pixel.
     struct Position {

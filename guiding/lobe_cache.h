@@ -23,7 +23,8 @@ struct LobeCache {
     std::vector<CachedPoint> points;  ///< Those without lobes guide nowhere: there is no caustic as far as is known.
     Lobes lobes;
     CachedPointLookup lookup;
-    bool leads_on = false;  ///< DirectionalGuide::leads_on: some lobe is of two or more reflections.
+    bool leads_on = false;           ///< DirectionalGuide::leads_on: some lobe is of two or more reflections.
+    bool serves_reflectors = false;  ///< Narrow metal is guided, too: there are points for it.
 
     size_t most_lobes() const {
         size_t most = 0;
@@ -50,7 +51,7 @@ class CachedGuide final : public DirectionalGuide {
     /// Keeps a reference to the cache.
     CachedGuide(const Cache& cache, const Options& options) : cache_(cache), options_(options) {}
     std::unique_ptr<GuideWorker> make_worker() const override { return std::make_unique<Worker>(cache_, options_); }
-    float least_alpha() const override { return options_.least_alpha; }
+    float least_alpha() const override { return cache_.serves_reflectors ? delta_alpha : options_.least_alpha; }
     bool leads_on() const override { return cache_.leads_on; }
 
   private:
@@ -82,12 +83,12 @@ class CachedGuide final : public DirectionalGuide {
                 if (k + cells_ahead < batch.count) lookup_.prefetch(cells_[k + cells_ahead]);
                 batch.guided[k] = 0.0F;
                 if (batch.fraction[k] == 0.0F) continue;
-                const Vec3 position = points.position.get(k), normal = points.geometric_normal.get(k);
-                const size_t count = lookup_.find_in_cell(cells_[k], position, normal, found_);
+                const GuideVertex vertex = points.get(k);
+                const size_t count = lookup_.find_in_cell(cells_[k], vertex.position, vertex.geometric_normal, found_);
                 batch.fraction[k] = 0.0F;
                 if (count == 0) continue;
-                batch.place[k] = found_[0].index;
-                mixtures_.add(std::span(found_).first(count), position, normal);
+                mixtures_.add(std::span(found_).first(count), vertex);
+                nearest_[group_size_] = found_[0].index;
                 group_[group_size_++] = static_cast<uint32_t>(k);
             }
             return k;
@@ -97,6 +98,7 @@ class CachedGuide final : public DirectionalGuide {
             const size_t k = group_[i];
             const float fraction = batch.fraction[k] = mixtures_.fraction(i);
             if (fraction == 0.0F) return;
+            batch.place[k] = mixtures_.has_cached_fraction(i) ? nearest_[i] : GuideBatch::no_place;
             if (batch.u_choice[k] < fraction) {
                 const float u_lobe = std::min(batch.u_choice[k] / fraction, largest_below_one);
                 batch.direction.set(k, mixtures_.sample(i, u_lobe, batch.u[k], batch.v[k]));
@@ -110,7 +112,8 @@ class CachedGuide final : public DirectionalGuide {
         Mixtures mixtures_;
         PathArray<uint32_t> cells_{0};
         std::array<FoundPoint, Mixtures::most_points> found_;
-        std::array<uint32_t, Mixtures::most_mixtures> group_;  ///< Vertices of the batch.
+        std::array<uint32_t, Mixtures::most_mixtures> group_;    ///< Vertices of the batch.
+        std::array<uint32_t, Mixtures::most_mixtures> nearest_;  ///< Cached point of each.
         size_t group_size_ = 0;
     };
 

@@ -33,11 +33,13 @@ class SgMixtures {
     // As in SlopeMixtures.
     void clear() { is_full_ = false; }
     bool is_full() const { return is_full_; }
-    void add(std::span<const FoundPoint> found, const Vec3& x, const Vec3& normal);
+    void add(std::span<const FoundPoint> found, const GuideVertex& vertex);
     void prepare() {}
     float fraction(size_t) const { return fraction_; }
     Vec3 sample(size_t, float u_choice, float u, float v) const;
     float pdf(size_t, const Vec3& wi) const;
+    bool has_cached_fraction(size_t) const { return true; }
+
     size_t lobe_count(size_t) const { return count_; }
     LobeView heaviest(size_t) const;
 

@@ -27,7 +27,8 @@ namespace nephroid {
 template <class F>
 struct SlopeLobe {
     Triple<F> axis;        ///< w0, unit.
-    Triple<F> row1, row2;  ///< k1 and k2, across the axis; dimensionless, large for narrow lobes.
+    Triple<F> row1, row2;  ///< k1 and k2; dimensionless, large for narrow lobes. Across the axis where w0 is the
+                           ///< lobe's centre; otherwise it lies where both vanish.
 
     /// |det K|.
     F determinant() const { return absolute(dot(axis, cross(row1, row2))); }
@@ -74,8 +75,9 @@ F relative_density(const SlopeLobe<F>& lobe, const Triple<F>& w) {
 /// The direction at slope m, in units of the width; unit. det K must not be zero.
 inline Vec3 direction_at_slope(const SlopeLobe<float>& lobe, const Vec2& m) {
     const Vec3 axis = to_vec3(lobe.axis), k1 = to_vec3(lobe.row1), k2 = to_vec3(lobe.row2);
-    const Vec3 offset = (m.x * glm::cross(k2, axis) + m.y * glm::cross(axis, k1)) / glm::dot(axis, glm::cross(k1, k2));
-    return glm::normalize(axis + offset);
+    const Vec3 centre = glm::cross(k1, k2);
+    const Vec3 along = centre + m.x * glm::cross(k2, axis) + m.y * glm::cross(axis, k1);
+    return glm::normalize(along / glm::dot(axis, centre));
 }
 
 /// A direction with density relative_density |det K| / pi. u_width chooses between the lobe and its wide copy; all in

@@ -4,6 +4,9 @@
 // brings a copy, which costs time and no variance. Weights are the lobes' irradiance, so that a point without a caustic
 // adds nothing, times a kernel of the distance.
 //
+// Where the shading point has a narrow specular part itself (metal, a smooth coat), each lobe is joined by its product
+// with that (product_lobe.h), and weights and the guide's probability are what both bring from the lobe to wo.
+//
 // Mixtures are made for a group of shading points at once: most points have a few lobes, and vectors are filled with
 // those of many.
 #pragma once
@@ -12,8 +15,10 @@
 
 #include "accel/ray_batch.h"
 #include "core/casters.h"
+#include "guiding/line_array.h"
 #include "guiding/lobe_cache.h"
-#include "guiding/slope_lobe_array.h"
+#include "guiding/product_lobe.h"
+#include "guiding/slope_warp.h"
 
 namespace nephroid {
 
@@ -23,7 +28,7 @@ struct SlopeMixtureOptions {
     float least_alpha = max_caster_alpha;  ///< DirectionalGuide::least_alpha.
 };
 
-using SlopeCache = LobeCache<SlopeLobeArray>;
+using SlopeCache = LobeCache<LineArray<CachedSlopeLobe>>;
 
 class SlopeMixtures {
   public:
@@ -37,8 +42,8 @@ class SlopeMixtures {
 
     void clear();
     bool is_full() const { return size_ == most_mixtures || lobe_count_ >= enough_lobes; }
-    /// Another shading point, not when full; its unit normal `normal` is the protective hemisphere's axis.
-    void add(std::span<const FoundPoint> found, const Vec3& x, const Vec3& normal);
+    /// Another shading point, not when full; its geometric normal is the protective hemisphere's axis.
+    void add(std::span<const FoundPoint> found, const GuideVertex& vertex);
     /// Moves the lobes of all added points to them. Before, nothing below may be called.
     void prepare();
 
@@ -49,6 +54,9 @@ class SlopeMixtures {
     /// Per solid angle; finite and, above the horizon, positive.
     float pdf(size_t k, const Vec3& wi) const;
 
+    /// Otherwise it comes from the vertex's BSDF as well.
+    bool has_cached_fraction(size_t k) const { return !mixtures_[k].is_glossy; }
+
     size_t lobe_count(size_t k) const { return mixtures_[k].lobe_count; }
     LobeView heaviest(size_t k) const;
 
@@ -57,32 +65,48 @@ class SlopeMixtures {
     /// Further points are not asked then: many lobes overlap, and cover what moves between points by themselves.
     static constexpr size_t enough_for_mixture = 4;
 
+    using Array = AlignedArray<float>;
+
     struct Mixture {
         Vec3 normal{0.0F, 1.0F, 0.0F};
         float fraction = 0.0F;
         float protective_weight = 1.0F;  ///< What the lobes leave.
-        uint32_t first_lobe = 0;         ///< In the arrays below.
-        uint32_t lobe_count = 0;
+        uint32_t first_lobe = 0;         ///< In `lobe_`.
+        uint32_t lobe_count = 0;         ///< With products, once they are made.
+        bool is_glossy = false;
+        float other_radiance = 0.0F;  ///< CachedPoint::other_radiance.
     };
 
+    void look_from(const GuideVertex& vertex, Mixture& mixture);
     void collect(const CachedPoint& point, float kernel, const Vec3& x);
     void warp();
-    void normalise(Mixture& mixture);
+    void multiply();
+    void weigh_glossy(Mixture& mixture);
+    void keep_heavy(Mixture& mixture, float least_weight);
+    void keep(const std::array<Array, 9>& lobes, size_t i, float weight, float determinant);
+    void normalise(Mixture& mixture, float total);
     SlopeLobe<float> get(size_t i) const;
 
-    using Array = AlignedArray<float>;
     const Cache& cache_;
     Options options_;
     std::array<Mixture, most_mixtures> mixtures_;
     size_t size_ = 0;
+    bool has_glossy_ = false;
     size_t lobe_count_ = 0;
-    // Of each lobe: where it is cached, its point's kernel and position, the shading point.
-    AlignedArray<uint32_t> cached_;
+    // Of each lobe: where it is cached, its mixture, its point's kernel and position, the shading point.
+    AlignedArray<uint32_t> cached_, mixture_;
     Array kernel_, from_x_, from_y_, from_z_, to_x_, to_y_, to_z_;
-    // At the shading point. Vectors may reach behind a mixture's last lobe.
+    // At the shading point. Vectors may reach behind a mixture's last lobe. What a glossy mixture keeps of its lobes
+    // and products is behind all lobes.
     std::array<Array, 9> lobe_;  ///< Axis, row1 and row2, coordinate by coordinate.
     Array weight_;               ///< Probability of the lobe.
     Array density_;              ///< Factor of relative_density.
+    size_t kept_end_ = 0;
+    // At glossy shading points.
+    LineArray<GlossyView> views_;   ///< Of each mixture.
+    std::array<Array, 9> product_;  ///< As `lobe_`.
+    Array product_density_;
+    Array own_weight_, product_weight_, bsdf_weight_;  ///< What lobe, product and sampling of the BSDF bring to wo.
 };
 
 }  // namespace nephroid

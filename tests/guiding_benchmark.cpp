@@ -2,13 +2,16 @@
 // test.
 //
 //   guiding_benchmark SCENE.glb [--size WxH] [--points N] [--samples N] [--cached-points N] [--schemes
-//   path,paper,slope]
+//   path,paper,slope] [--reflections 1|2]
 //
 // Light by one reflection alone. Every scheme's second moment is measured with the same broad proposal (lobes found for
 // the point itself, half of the samples over the whole hemisphere): measured with its own samples, a scheme that misses
 // part of the light looks good. Schemes: path (cosine), paper and slope with lobes of the point itself (exact) and of a
 // cache of the whole picture (cached), the way the renderer uses them. The paper's search takes very long where rough
 // reflectors are finely tessellated: leave it out there.
+//
+// With --reflections 2, light by two reflections and the default settings: as rendered, its part if the second
+// direction were perfect, and path tracing (tests/two_reflections.h).
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -26,6 +29,7 @@
 #include "integrators/guided/guided_integrator.h"
 #include "integrators/guided/lobe_weight.h"
 #include "pathcut/densify.h"
+#include "tests/two_reflections.h"
 
 using namespace nephroid;
 
@@ -39,6 +43,7 @@ struct Options {
     uint32_t samples = 8192;
     uint32_t cached_points = 10000;
     std::vector<std::string> schemes{"path", "paper", "slope"};
+    int reflections = 1;
 
     bool measures(const std::string& scheme) const {
         return std::find(schemes.begin(), schemes.end(), scheme) != schemes.end();
@@ -73,7 +78,9 @@ Scheme guided_scheme(const std::string& name, const Receiver& receiver, const Mi
     const size_t count = mixtures.cache.lookup.find(receiver.position, receiver.geometric_normal, found);
     mixture = std::make_unique<Mixture>(mixtures.cache, mixtures.options);
     mixture->clear();
-    if (count > 0) mixture->add(std::span(found).first(count), receiver.position, receiver.geometric_normal);
+    if (count > 0) {
+        mixture->add(std::span(found).first(count), diffuse_guide_vertex(receiver.position, receiver.geometric_normal));
+    }
     mixture->prepare();
     const float fraction = count > 0 ? mixture->fraction(0) : 0.0F;
     return {name, [&receiver, &mixture, fraction](const Vec3& w) {
@@ -154,6 +161,21 @@ class Benchmark {
             for (const Scheme& scheme : schemes) names.push_back(scheme.name);
         }
         return summaries(names, results);
+    }
+
+    nlohmann::json run_two_reflections() {
+        GuidedSettings settings;
+        settings.cached_points = options_.cached_points;
+        const GuidedIntegrator integrator(context_, casters_, view(), settings);
+        if (integrator.guide() == nullptr) return {{"scene", options_.scene}, {"points", 0}};
+        const GuidedPaths prepared = prepare_paths(context_, casters_, settings);
+        std::vector<PointResult> results;
+        for (const Receiver& point : shading_points()) {
+            const testing::TwoReflections at = testing::measure_two_reflections(
+                context_, *integrator.guide(), point, prepared.lights.front(), options_.samples);
+            if (at.irradiance > 0.0) results.push_back({at.irradiance, {at.guided, at.guided_at_point, at.path}});
+        }
+        return summaries({"guided", "guided, second direction perfect", "path"}, results);
     }
 
   private:
@@ -259,6 +281,7 @@ std::optional<Options> parse_options(int argc, char** argv) {
     app.add_option("--schemes", options.schemes, "which to measure, with commas between [path,paper,slope]")
         ->delimiter(',')
         ->check(CLI::IsMember({"path", "paper", "slope"}));
+    app.add_option("--reflections", options.reflections, "of the light [1]")->check(CLI::Range(1, 2));
     if (!parse_command_line(app, argc, argv)) return std::nullopt;
     if (!size.empty()) parse_size(size, options);
     return options;
@@ -271,7 +294,8 @@ nlohmann::json measure_scene(const Options& options) {
     if (scene.cameras.empty()) {
         throw Error(ExitCode::invalid_input, options.scene + ": cameras: there is none; add one to the scene");
     }
-    return Benchmark(options, scene).run();
+    Benchmark benchmark(options, scene);
+    return options.reflections == 1 ? benchmark.run() : benchmark.run_two_reflections();
 }
 
 }  // namespace

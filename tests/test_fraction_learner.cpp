@@ -67,7 +67,7 @@ SlopeCache row_of_points(size_t count, float fraction) {
         point.fraction = fraction;
         cache.points.push_back(point);
     }
-    cache.lobes = SlopeLobeArray(lobes);
+    cache.lobes = LineArray<CachedSlopeLobe>(lobes);
     cache.lookup = CachedPointLookup(cache.points);
     return cache;
 }

@@ -175,6 +175,26 @@ TEST_CASE("every ablation has the same mean") {
     check("photons=0", slope, [](GuidedSettings& s) { s.photons = 0.0; });
 }
 
+TEST_CASE("glossy receivers: products of lobes and BSDF do not move the mean") {
+    for (const float metallic : {0.0F, 1.0F}) {
+        for (CausticScene caustic :
+             {testing::ring_caustic(alpha_for_path), testing::two_mirror_caustic(alpha_for_path)}) {
+            Material& floor = caustic.scene.materials[0];
+            floor.metallic = metallic;
+            floor.roughness = 0.3F;  // Alpha .09: narrow enough for products.
+            floor.specular = 1.0F;
+            const testing::Picture path = render_path(caustic, {.spp = spp_for_path});
+            const std::string name = caustic.name + (metallic > 0.0F ? ", metal floor" : ", coated floor");
+            GuidedSettings settings = small_cache(LobeKind::slope, 2);
+            check_same_mean(render_with_guide(caustic, {.spp = 1024}, settings), path, name);
+            check_same_mean(render_with_guide(caustic, {.spp = 1024}, settings, rotated), path, name + ", rotated");
+            settings.light_path_per = 1;
+            check_same_mean(render_with_guide(caustic, {.spp = 512}, settings, scrambled), path,
+                            name + ", scrambled, light paths");
+        }
+    }
+}
+
 TEST_CASE("wrong lobes over metal, many samples: rows that are as good as parallel") {
     CausticScene caustic = testing::two_mirror_caustic(alpha_for_path);
     caustic.scene.materials[0].metallic = 1.0F;

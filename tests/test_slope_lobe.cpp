@@ -8,6 +8,7 @@
 #include "core/warp.h"
 #include "guiding/slope_path.h"
 #include "integrators/guided/guided_integrator.h"
+#include "integrators/path/wave.h"
 #include "tests/caustic_scenes.h"
 #include "tests/statistics.h"
 #include "tests/test_scenes.h"
@@ -316,9 +317,13 @@ TEST_CASE("the mixture as used at real shading points: directions of guide and B
                                               settings);
             const std::unique_ptr<GuideWorker> worker = integrator.guide()->make_worker();
             const Vec3 x = caustic.floor_points[0], normal(0.0F, 1.0F, 0.0F);
-            TripleArray position(1), normals(1), light(1);
-            position.set(0, x);
-            normals.set(0, normal);
+            VertexWave vertices(1);
+            TripleArray light(1);
+            vertices.position.set(0, x);
+            vertices.geometric_normal.set(0, normal);
+            vertices.shading_normal.set(0, normal);
+            vertices.wo.set(0, normal);
+            vertices.alpha[0] = 1.0F;
             GuideBatch batch(1);
             batch.count = 1;
             const auto ask = [&](const Vec3& direction, float u_choice, Vec2 u) {
@@ -327,7 +332,7 @@ TEST_CASE("the mixture as used at real shading points: directions of guide and B
                 batch.u_choice[0] = u_choice;
                 batch.u[0] = u.x;
                 batch.v[0] = u.y;
-                worker->guide({position, normals, light}, batch);
+                worker->guide(guide_points(vertices, vertices.wo, light), batch);
             };
             const auto facts = integrator.facts_at(x, normal);
             REQUIRE(facts);

@@ -243,7 +243,7 @@ TEST_CASE("a mixture's samples match its density (chi-square)") {
             cache.lobes = lobes;
             SgMixtures mixture(cache, SgMixtureOptions());
             const FoundPoint found{};
-            mixture.add({&found, 1}, x, normal);
+            mixture.add({&found, 1}, diffuse_guide_vertex(x, normal));
             CHECK(mixture.fraction(0) == 0.5F);
             const auto result = testing::chi_square_directions(
                 [&](Vec2 u, float choice) -> testing::DirectionDraw {

@@ -9,7 +9,7 @@ void FractionRecorder::scattered(const ScatteredPaths& scattered, const SampleBu
     for (size_t i = 0; i < paths.rays.count; ++i) {
         const size_t vertex = scattered.vertex[i];
         const float fraction = directions.fraction[vertex];
-        if (fraction == 0.0F) continue;
+        if (fraction == 0.0F || directions.place[vertex] == GuideBatch::no_place) continue;
         // A mirror direction is the BSDF's, whose density is as good as infinite.
         float density = 1.0F - fraction;
         uint32_t bin = 0;

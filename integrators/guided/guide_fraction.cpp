@@ -16,6 +16,12 @@ namespace nephroid {
 
 namespace {
 
+/// What a few paths tell about one cached point.
+struct TrialSums {
+    OddsMoments moments{};       ///< Of the estimate.
+    double root_radiance = 0.0;  ///< Mean square root of what BSDF sampling finds off the lobes.
+};
+
 constexpr uint32_t path_count = 64;
 constexpr size_t shared_points = 16;
 constexpr size_t averaged_points = 256;  ///< For what photons tell.
@@ -35,18 +41,21 @@ class FractionTrial {
 
     /// Second moments of one sample's estimate of the irradiance at a diffuse receiver, (W/m^2)^2 of luminance; zero
     /// where there are no lobes.
-    OddsMoments moments(const Receiver& receiver, uint32_t index) {
+    TrialSums run(const Receiver& receiver, uint32_t index) {
         std::array<FoundPoint, SlopeMixtures::most_points> found;
         const size_t count = lookup_.find(receiver.position, receiver.geometric_normal, found);
-        OddsMoments sums{};
+        TrialSums sums;
         if (count == 0) return sums;
         mixtures_.clear();
-        mixtures_.add(std::span(found).first(count), receiver.position, receiver.geometric_normal);
+        mixtures_.add(std::span(found).first(count),
+                      diffuse_guide_vertex(receiver.position, receiver.geometric_normal));
         mixtures_.prepare();
         if (mixtures_.fraction(0) == 0.0F) return sums;
+        other_count_ = 0;
         choose_directions(receiver, index);
         worker_.incident_radiance(rays_, seeds_, 0, samples_);
         for (size_t i = 0; i < rays_.count; ++i) add_sample(receiver, i, sums);
+        if (other_count_ > 0) sums.root_radiance /= other_count_;
         return sums;
     }
 
@@ -67,14 +76,20 @@ class FractionTrial {
         }
     }
 
-    void add_sample(const Receiver& receiver, size_t i, OddsMoments& sums) const {
+    void add_sample(const Receiver& receiver, size_t i, TrialSums& sums) {
+        const float radiance = luminance(samples_.radiance_of(i));
         const Vec3 direction = rays_.direction(i);
         const double cosine = double{glm::dot(receiver.geometric_normal, direction)};
-        const double integrand = double{luminance(samples_.radiance_of(i))} * cosine;
+        const double integrand = double{radiance} * cosine;
         const float bsdf_pdf = static_cast<float>(cosine) * inv_pi, guide_pdf = mixtures_.pdf(0, direction);
+        if (bsdf_pdf > guide_pdf) {
+            // Roots, because single dots of light would tell too much about the rest.
+            sums.root_radiance += std::sqrt(std::max(double{radiance}, 0.0));
+            ++other_count_;
+        }
         const double both = double{bsdf_pdf} + double{guide_pdf};
         const double moment = integrand * integrand / (0.5 * both * both);
-        if (std::isfinite(moment)) sums[odds_bin(guide_pdf, bsdf_pdf)] += moment;
+        if (std::isfinite(moment)) sums.moments[odds_bin(guide_pdf, bsdf_pdf)] += moment;
     }
 
     const CachedPointLookup& lookup_;
@@ -84,6 +99,7 @@ class FractionTrial {
     std::array<uint32_t, path_count> seeds_{};
     SampleBuffer samples_;
     uint32_t seed_;
+    int other_count_ = 0;
 };
 
 /// Moments of the light that the guide leaves to the BSDF, which a few trial paths would not see: the mean over the
@@ -117,29 +133,30 @@ std::vector<OddsMoments> uncovered_moments(const SlopeCache& cache, const std::v
 
 }  // namespace
 
-std::vector<OddsMoments> expected_moments(const RenderContext& context, std::span<const Receiver> receivers,
-                                          const SlopeCache& cache, const SlopeMixtureOptions& options,
-                                          const std::vector<CausticPhoton>& photons,
-                                          const std::vector<PhotonCoverage>& coverage) {
+std::vector<GuideTrial> try_guide(const RenderContext& context, std::span<const Receiver> receivers,
+                                  const SlopeCache& cache, const SlopeMixtureOptions& options,
+                                  const std::vector<CausticPhoton>& photons,
+                                  const std::vector<PhotonCoverage>& coverage) {
     tbb::enumerable_thread_specific<std::unique_ptr<FractionTrial>> threads;
-    std::vector<OddsMoments> moments(receivers.size());
+    std::vector<TrialSums> trials(receivers.size());
     tbb::parallel_for(size_t{0}, receivers.size(), [&](size_t i) {
         auto& trial = threads.local();
         if (!trial) trial = std::make_unique<FractionTrial>(context, cache, options);
-        moments[i] = trial->moments(receivers[i], static_cast<uint32_t>(i));
+        trials[i] = trial->run(receivers[i], static_cast<uint32_t>(i));
     });
     const std::vector<OddsMoments> uncovered = uncovered_moments(cache, photons, coverage);
-    std::vector<OddsMoments> expected(receivers.size());
+    std::vector<GuideTrial> results(receivers.size());
     for (size_t i = 0; i < receivers.size(); ++i) {
         std::array<FoundPoint, shared_points> found;
         const size_t count = cache.lookup.find(receivers[i].position, receivers[i].geometric_normal, found);
-        OddsMoments& sums = expected[i] = moments[i];
+        OddsMoments& sums = results[i].moments = trials[i].moments;
         for (const FoundPoint& near : std::span(found).first(count)) {
-            for (size_t k = 0; k < sums.size(); ++k) sums[k] += moments[near.index][k];
+            for (size_t k = 0; k < sums.size(); ++k) sums[k] += trials[near.index].moments[k];
         }
         for (size_t k = 0; k < sums.size(); ++k) sums[k] += static_cast<double>(count + 1) * uncovered[i][k];
+        results[i].other_radiance = static_cast<float>(trials[i].root_radiance * trials[i].root_radiance);
     }
-    return expected;
+    return results;
 }
 
 }  // namespace nephroid

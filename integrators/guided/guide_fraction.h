@@ -12,14 +12,20 @@
 
 namespace nephroid {
 
+/// What trial paths at a cached point tell.
+struct GuideTrial {
+    OddsMoments moments{};        ///< Of the estimator at a diffuse receiver.
+    float other_radiance = 0.0F;  ///< CachedPoint::other_radiance.
+};
+
 /// For every cached point, which is a receiver. Paths start from each in directions of mixture and BSDF alike, and sum
 /// up the second moments of the estimator, for any fraction. What lobes do not cover (light that is no caustic,
 /// caustics of more reflections) raises the moment of high fractions. Such light is rare: moments are shared with the
 /// points around, and where photons (with their `coverage` by the cache) have found caustic light that is left to the
 /// BSDF, it counts as they say. Deterministic.
-std::vector<OddsMoments> expected_moments(const RenderContext& context, std::span<const Receiver> receivers,
-                                          const SlopeCache& cache, const SlopeMixtureOptions& options,
-                                          const std::vector<CausticPhoton>& photons,
-                                          const std::vector<PhotonCoverage>& coverage);
+std::vector<GuideTrial> try_guide(const RenderContext& context, std::span<const Receiver> receivers,
+                                  const SlopeCache& cache, const SlopeMixtureOptions& options,
+                                  const std::vector<CausticPhoton>& photons,
+                                  const std::vector<PhotonCoverage>& coverage);
 
 }  // namespace nephroid

@@ -27,7 +27,7 @@ std::optional<GuideFacts> facts_of(const MixtureCache<Mixture>& mixtures, const 
     if (count == 0) return std::nullopt;
     Mixture mixture(mixtures.cache, mixtures.options);
     mixture.clear();
-    mixture.add(std::span(found).first(count), position, normal);
+    mixture.add(std::span(found).first(count), diffuse_guide_vertex(position, normal));
     mixture.prepare();
     return GuideFacts{std::sqrt(found[0].squared_distance), mixture.lobe_count(0), mixture.heaviest(0)};
 }
@@ -45,7 +45,7 @@ GuidedIntegrator::GuidedIntegrator(const RenderContext& context, const CasterRep
     Stopwatch stopwatch;
     GuidedPaths found = prepare_paths(context, casters, settings);
     statistics_.seconds_hierarchy = stopwatch.lap();
-    if (settings.lobe == LobeKind::slope) film_guide_ = find_highlights(context, found, settings);
+    if (settings.lobe == LobeKind::slope) film_guide_ = find_highlights(context, found, view, settings);
     statistics_.seconds_highlights = stopwatch.lap();
     found.receivers = choose_receivers(context, view, affordable_points(context, found, view, settings));
     statistics_.seconds_receivers = stopwatch.lap();
@@ -128,6 +128,7 @@ std::optional<IntegratorStatistics> GuidedIntegrator::statistics() const {
     return IntegratorStatistics{"guiding",
                                 {{"cached_points", s.cached_points},
                                  {"added_points", s.added_points},
+                                 {"reflector_points", s.reflector_points},
                                  {"photons", s.photons},
                                  {"served_photons", s.served_photons},
                                  {"light_path_per", light_tracing_ ? uint64_t{light_tracing_->one_in} : 0},

@@ -76,6 +76,7 @@ struct GuidedStatistics {
     size_t photons = 0;              ///< That landed.
     size_t served_photons = 0;       ///< Of these, near a cached point.
     size_t added_points = 0;         ///< Of cached_points: where photons found them missing.
+    size_t reflector_points = 0;     ///< Of cached_points: on casters, for paths of more reflections.
     size_t bytes = 0;                ///< Of the cache while rendering.
     double seconds_receivers = 0.0;  ///< Including the pilot search that tells how many are affordable.
     double seconds_hierarchy = 0.0;

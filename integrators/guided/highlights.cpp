@@ -7,7 +7,15 @@
 
 namespace nephroid {
 
-FilmGuide find_highlights(const RenderContext& context, GuidedPaths& prepared, const GuidedSettings& settings) {
+namespace {
+
+/// Further film positions in highlights, for each sample of each pixel of the picture.
+constexpr double added_positions = 0.05;
+
+}  // namespace
+
+FilmGuide find_highlights(const RenderContext& context, GuidedPaths& prepared, const GuidedView& view,
+                          const GuidedSettings& settings) {
     const CameraRays& rays = context.camera_rays;
     if (rays.direction_dx == Vec3(0.0F)) return {};
     // Occluded paths are kept: where the lamp is only just hidden, its glow is not.
@@ -34,7 +42,9 @@ FilmGuide find_highlights(const RenderContext& context, GuidedPaths& prepared, c
         lobes.push_back({at_pinhole, lobe.weight, static_cast<float>(irradiance) * inv_pi});
     }
     prepared.paths = {};
-    return FilmGuide(rays, lobes);
+    FilmGuide guide(rays, lobes);
+    guide.add_positions(added_positions * view.crop.width() * view.crop.height());
+    return guide;
 }
 
 }  // namespace nephroid

@@ -7,7 +7,8 @@
 namespace nephroid {
 
 /// The guide of the film for highlights by one reflection. Empty for parallel cameras. `prepared` has neither receivers
-/// nor paths, before and after.
-FilmGuide find_highlights(const RenderContext& context, GuidedPaths& prepared, const GuidedSettings& settings);
+/// nor paths, before and after. `view`: what is rendered.
+FilmGuide find_highlights(const RenderContext& context, GuidedPaths& prepared, const GuidedView& view,
+                          const GuidedSettings& settings);
 
 }  // namespace nephroid

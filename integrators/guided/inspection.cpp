@@ -46,13 +46,15 @@ class DirectionSampling {
           frame_(make_frame(to_triple(vertex.surface.shading_normal))),
           wo_(frame_.to_local(to_triple(vertex.wo))),
           batch_(batch_size),
-          positions_(batch_size),
-          normals_(batch_size),
+          vertices_(batch_size),
           light_directions_(batch_size) {
         if (is_guided(context, vertex, guide)) worker_ = guide->make_worker();
         for (size_t k = 0; k < batch_size; ++k) {
-            positions_.set(k, vertex.surface.position);
-            normals_.set(k, vertex.surface.geometric_normal);
+            vertices_.position.set(k, vertex.surface.position);
+            vertices_.geometric_normal.set(k, vertex.surface.geometric_normal);
+            vertices_.shading_normal.set(k, vertex.surface.shading_normal);
+            vertices_.wo.set(k, vertex.wo);
+            vertices_.set_bsdf(k, vertex.surface.bsdf);
         }
     }
 
@@ -99,7 +101,7 @@ class DirectionSampling {
         batch_.wants_light_pdf = both;
         std::fill_n(batch_.guided.data(), count, 0.0F);
         std::fill_n(batch_.fraction.data(), count, worker_ ? 1.0F : 0.0F);
-        if (worker_) worker_->guide({positions_, normals_, light_directions_}, batch_);
+        if (worker_) worker_->guide(guide_points(vertices_, vertices_.wo, light_directions_), batch_);
     }
 
     const InspectedVertex& vertex_;
@@ -107,7 +109,8 @@ class DirectionSampling {
     Triple<float> wo_;
     std::unique_ptr<GuideWorker> worker_;
     GuideBatch batch_;
-    TripleArray positions_, normals_, light_directions_;
+    VertexWave vertices_;
+    TripleArray light_directions_;
     float fraction_ = 0.0F;
 };
 

@@ -37,7 +37,8 @@ void measure(const SlopeCache& cache, SlopeMixtures& mixtures, const std::vector
             const float cosine = glm::dot(photon.at.shading_normal, photon.wi);
             if (!(cosine > 0.0F)) continue;
             coverage[next] = {found[0].index, 0.0F, cosine * inv_pi};
-            mixtures.add(std::span(found).first(count), photon.at.position, photon.at.geometric_normal);
+            mixtures.add(std::span(found).first(count),
+                         diffuse_guide_vertex(photon.at.position, photon.at.geometric_normal));
             group[size++] = next;
         }
         mixtures.prepare();

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "integrators/guided/guide_fraction.h"
+#include "integrators/guided/reflector_points.h"
 #include "integrators/guided/slope_lobe_maker.h"
 #include "integrators/guided/uncovered_photons.h"
 #include "integrators/stopwatch.h"
@@ -23,6 +24,9 @@ constexpr float trial_fraction = 0.5F;
 
 /// At most so many points are added, as a share of those before.
 constexpr float most_added = 0.25F;
+
+/// The same for points on reflectors.
+constexpr float most_reflector_points = 0.0625F;
 
 /// Of all paths of a receiver.
 std::vector<CachedSlopeLobe<float>> lobes_of(const SlopeLobeMaker& maker, const GuidedPaths& found, size_t index) {
@@ -54,6 +58,7 @@ class SlopeCacheMaker {
         if (cache_.points.empty() || settings_.photons == 0.0 || is_over()) return made();
         trace_photons();
         add_points();
+        if (settings_.bounces > 1) add_reflector_points();
         if (settings_.bounces > 1 && settings_.long_paths == LongPaths::photons) add_long_paths();
         if (!settings_.guide_fraction) choose_fractions();
         return made();
@@ -77,9 +82,10 @@ class SlopeCacheMaker {
             cache_.points[i].fraction = lobes_[i].empty() ? 0.0F : settings_.guide_fraction.value_or(trial_fraction);
             all.insert(all.end(), lobes_[i].begin(), lobes_[i].end());
         }
-        cache_.lobes = SlopeLobeArray(all);
+        cache_.lobes = LineArray<CachedSlopeLobe>(all);
         cache_.lookup = CachedPointLookup(cache_.points);
         cache_.leads_on = has_long_paths(found_);
+        cache_.serves_reflectors = serves_reflectors_;
     }
 
     void trace_photons() {
@@ -106,6 +112,21 @@ class SlopeCacheMaker {
         statistics_.seconds_lobes += stopwatch_.lap();
     }
 
+    void add_reflector_points() {
+        if (is_over()) return;
+        const auto most = static_cast<size_t>(most_reflector_points * static_cast<float>(found_.receivers.size()));
+        const std::vector<Receiver> more = choose_reflector_points(context_, photons_, coverage_, most);
+        if (more.empty()) return;
+        add_receivers(context_, settings_, more, found_, statistics_);
+        stopwatch_.lap();
+        make_lobes();
+        rebuild();
+        serves_reflectors_ = cache_.serves_reflectors = true;
+        coverage_ = measure_coverage(cache_, options_, photons_);
+        statistics_.reflector_points = more.size();
+        statistics_.seconds_lobes += stopwatch_.lap();
+    }
+
     void add_long_paths() {
         if (is_over()) return;
         const UncoveredPhotons uncovered(cache_, photons_, coverage_);
@@ -121,8 +142,12 @@ class SlopeCacheMaker {
     }
 
     void choose_fractions() {
-        expected_ = expected_moments(context_, found_.receivers, cache_, options_, photons_, coverage_);
-        for (size_t i = 0; i < expected_.size(); ++i) {
+        const std::vector<GuideTrial> trials =
+            try_guide(context_, found_.receivers, cache_, options_, photons_, coverage_);
+        expected_.resize(trials.size());
+        for (size_t i = 0; i < trials.size(); ++i) {
+            expected_[i] = trials[i].moments;
+            cache_.points[i].other_radiance = trials[i].other_radiance;
             if (!lobes_[i].empty()) cache_.points[i].fraction = least_variance_fraction(expected_[i], trial_fraction);
         }
         statistics_.seconds_fractions = stopwatch_.lap();
@@ -139,6 +164,7 @@ class SlopeCacheMaker {
     Stopwatch stopwatch_;
     SlopeCache cache_;
     std::vector<std::vector<CachedSlopeLobe<float>>> lobes_;  ///< Of each cached point.
+    bool serves_reflectors_ = false;
     std::vector<CausticPhoton> photons_;
     std::vector<PhotonCoverage> coverage_;
     std::vector<OddsMoments> expected_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "core/delta_light.h"
 #include "core/rounding.h"
@@ -26,6 +27,8 @@ constexpr float spent_throughput = 0.05F;
 
 /// Tells the random numbers of FilmGuide's choice from all others.
 constexpr uint32_t highlight_choice = 0x5bd1e995U;
+/// Tells those of its further positions from those of the first.
+constexpr uint32_t highlight_position = 0x7feb352dU;
 
 FloatV load(const AlignedArray<float>& values, size_t i) {
     return FloatV(&values[i], stdx::vector_aligned);
@@ -49,6 +52,7 @@ PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* gui
       shadows_(max_slots_per_block),
       film_guide_(film_guide),
       light_tracing_(light_tracing) {
+    if (film_guide != nullptr) positions_.emplace();
     if (light_tracing != nullptr) rivals_.emplace(max_slots_per_block);
     if (guide == nullptr) return;
     guide_ = guide->make_worker();
@@ -60,8 +64,9 @@ PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* gui
 void PathWorker::render(const SampleBlock& block, SampleBuffer& samples) {
     clear_samples(samples, context_.aovs, block.slot_count());
     start_camera_paths(context_, block, film_dimension, seeds_, indices_, paths_);
-    if (film_guide_ != nullptr) guide_film_positions(block);
+    if (film_guide_ != nullptr) find_highlights(block);
     trace_paths(samples);
+    if (film_guide_ != nullptr && !highlights_.empty()) add_highlight_positions(samples);
 }
 
 void PathWorker::trace_paths(SampleBuffer& samples) {
@@ -115,33 +120,90 @@ void PathWorker::incident_radiance(const RayBatch& rays, std::span<const uint32_
     trace_paths(samples);
 }
 
-// Pixels of the block with highlights start anew.
-void PathWorker::guide_film_positions(const SampleBlock& block) {
+// Samples of pixels with highlights start anew.
+void PathWorker::find_highlights(const SampleBlock& block) {
+    highlights_.clear();
     const auto& pixels = film_guide_->pixels();
     const auto is_above = [](const FilmGuide::Pixel& pixel, int y) { return pixel.y < y; };
     auto pixel = std::lower_bound(pixels.begin(), pixels.end(), block.tile_y, is_above);
     for (; pixel != pixels.end() && pixel->y < block.tile_y + tile_size; ++pixel) {
         for (uint32_t p = 0; p < block.pixel_count; ++p) {
-            const bool same =
-                block.tile_x + block.pixel_x[p] == pixel->x && block.tile_y + block.pixel_y[p] == pixel->y;
-            if (same) guide_film_positions(block, p, *pixel);
+            if (block.tile_x + block.pixel_x[p] != pixel->x || block.tile_y + block.pixel_y[p] != pixel->y) continue;
+            for (uint32_t s = 0; s < block.sample_count; ++s) {
+                const uint32_t slot = s * block.pixel_count + p;
+                highlights_.push_back({&*pixel, slot, seeds_[slot], indices_[slot]});
+                const FilmGuide::Position position = position_in(*pixel, seeds_[slot], indices_[slot]);
+                paths_.throughput.set(slot, Vec3(position.weight));
+                // Otherwise the camera ray stays, which AOVs are of.
+                if (position.weight > 0.0F) {
+                    const auto [origin, direction] = camera_ray(position.film);
+                    paths_.rays.set(slot, origin, direction);
+                }
+            }
         }
     }
 }
 
-void PathWorker::guide_film_positions(const SampleBlock& block, uint32_t p, const FilmGuide::Pixel& pixel) {
-    for (uint32_t s = 0; s < block.sample_count; ++s) {
-        const size_t slot = size_t{s} * block.pixel_count + p;
-        const auto [u, v] = sample_2d(context_.sampler, seeds_[slot], indices_[slot], film_dimension);
-        const uint32_t choice_seed = pixel_seed(seeds_[slot], highlight_choice, context_.seed);
-        const auto [choice, pick] = sample_2d(context_.sampler, choice_seed, indices_[slot], film_dimension);
-        const FilmGuide::Position position = film_guide_->sample_inside(pixel, choice, u, v, pick);
-        paths_.throughput.set(slot, Vec3(position.weight));
-        if (!(position.weight > 0.0F)) continue;
-        const CameraRays& camera = context_.camera_rays;
-        const Vec2 film = position.film;
-        paths_.rays.set(slot, to_vec3(camera.origin(film.x, film.y)), to_vec3(camera.direction(film.x, film.y)));
+FilmGuide::Position PathWorker::position_in(const FilmGuide::Pixel& pixel, uint32_t seed, uint32_t index) const {
+    const auto [u, v] = sample_2d(context_.sampler, seed, index, film_dimension);
+    const uint32_t choice_seed = pixel_seed(seed, highlight_choice, context_.seed);
+    const auto [choice, pick] = sample_2d(context_.sampler, choice_seed, index, film_dimension);
+    return film_guide_->sample_inside(pixel, choice, u, v, pick);
+}
+
+std::pair<Vec3, Vec3> PathWorker::camera_ray(const Vec2& film) const {
+    const CameraRays& camera = context_.camera_rays;
+    return {to_vec3(camera.origin(film.x, film.y)), to_vec3(camera.direction(film.x, film.y))};
+}
+
+// Further positions of the same samples, wave by wave, until each is the mean of all of its positions.
+void PathWorker::add_highlight_positions(SampleBuffer& samples) {
+    // What one sample in a pixel finds is an observer's business, and it has seen that.
+    PathObserver* observer = std::exchange(observer_, nullptr);
+    paths_.rays.count = 0;
+    position_slots_.clear();
+    for (const HighlightSample& sample : highlights_) {
+        const uint32_t more = sample.pixel->positions - 1;
+        for (uint32_t i = 0; i < more; ++i) {
+            if (paths_.rays.count == max_slots_per_block) trace_highlight_positions(samples);
+            const uint32_t seed = pixel_seed(sample.seed, highlight_position, context_.seed);
+            const uint32_t index = sample.index * more + i;
+            const FilmGuide::Position position = position_in(*sample.pixel, seed, index);
+            if (!(position.weight > 0.0F)) continue;
+            const size_t path = paths_.rays.count;
+            const auto [origin, direction] = camera_ray(position.film);
+            paths_.rays.push(origin, direction);
+            paths_.throughput.set(path, Vec3(position.weight));
+            paths_.pdf[path] = 0.0F;
+            paths_.slot[path] = static_cast<uint32_t>(path);
+            paths_.flags[path] = 0;
+            seeds_[path] = seed;
+            indices_[path] = index;
+            position_slots_.push_back(sample.slot);
+        }
     }
+    trace_highlight_positions(samples);
+    observer_ = observer;
+    for (const HighlightSample& sample : highlights_) {
+        const float share = 1.0F / static_cast<float>(sample.pixel->positions);
+        for (int c = 0; c < 3; ++c) {
+            samples.radiance[c][sample.slot] *= share;
+            if (context_.aovs.caustic) samples.caustic[c][sample.slot] *= share;
+        }
+    }
+}
+
+void PathWorker::trace_highlight_positions(SampleBuffer& samples) {
+    clear_samples(*positions_, context_.aovs, position_slots_.size());
+    trace_paths(*positions_);
+    for (size_t i = 0; i < position_slots_.size(); ++i) {
+        for (int c = 0; c < 3; ++c) {
+            samples.radiance[c][position_slots_[i]] += positions_->radiance[c][i];
+            if (context_.aovs.caustic) samples.caustic[c][position_slots_[i]] += positions_->caustic[c][i];
+        }
+    }
+    position_slots_.clear();
+    paths_.rays.count = 0;
 }
 
 void PathWorker::trace(uint32_t bounce) {
@@ -347,7 +409,7 @@ NEPHROID_FLATTEN void PathWorker::choose_directions(uint32_t bounce) {
         u.copy_to(&batch.u[k], stdx::vector_aligned);
         v.copy_to(&batch.v[k], stdx::vector_aligned);
     }
-    guide_->guide({vertices_.position, vertices_.geometric_normal, lights_.wi}, batch);
+    guide_->guide(guide_points(vertices_, vertices_.wo, lights_.wi), batch);
 }
 
 // The direction that BSDF or guide chose, weighted by the density of both together.

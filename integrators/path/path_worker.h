@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <span>
+#include <utility>
 
 #include "guiding/directional_guide.h"
 #include "guiding/film_guide.h"
@@ -34,8 +35,17 @@ class PathWorker final : public IntegratorWorker {
     uint64_t rays() const override { return rays_; }
 
   private:
-    void guide_film_positions(const SampleBlock& block);
-    void guide_film_positions(const SampleBlock& block, uint32_t p, const FilmGuide::Pixel& pixel);
+    /// A sample of a pixel with highlights.
+    struct HighlightSample {
+        const FilmGuide::Pixel* pixel;
+        uint32_t slot, seed, index;
+    };
+
+    void find_highlights(const SampleBlock& block);
+    FilmGuide::Position position_in(const FilmGuide::Pixel& pixel, uint32_t seed, uint32_t index) const;
+    std::pair<Vec3, Vec3> camera_ray(const Vec2& film) const;
+    void add_highlight_positions(SampleBuffer& samples);
+    void trace_highlight_positions(SampleBuffer& samples);
     void trace_paths(SampleBuffer& samples);
     void trace(uint32_t bounce);
     void collect_vertices(uint32_t bounce, SampleBuffer& samples);
@@ -72,9 +82,12 @@ class PathWorker final : public IntegratorWorker {
     PathObserver* observer_ = nullptr;
     std::optional<PathArray<uint32_t>> scattered_from_;  ///< Of each new ray: its vertex. For observers alone.
     const FilmGuide* film_guide_;
-    std::unique_ptr<GuideWorker> guide_;  ///< Null: not guided.
-    float least_guided_alpha_ = 0.0F;     ///< DirectionalGuide::least_alpha.
-    bool guide_leads_on_ = false;         ///< DirectionalGuide::leads_on.
+    std::vector<HighlightSample> highlights_;  ///< Of the block.
+    std::optional<SampleBuffer> positions_;    ///< Samples of a wave of further positions; empty without film guide.
+    std::vector<uint32_t> position_slots_;     ///< Which slot of the block each of them belongs to.
+    std::unique_ptr<GuideWorker> guide_;       ///< Null: not guided.
+    float least_guided_alpha_ = 0.0F;          ///< DirectionalGuide::least_alpha.
+    bool guide_leads_on_ = false;              ///< DirectionalGuide::leads_on.
     std::optional<GuidedWave> guided_;
     const LightTracing* light_tracing_;  ///< Null: no splats to weigh against.
     std::optional<RivalWave> rivals_;

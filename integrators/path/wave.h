@@ -66,6 +66,12 @@ struct VertexWave {
     }
 };
 
+/// The vertices as camera paths that come from `wo` meet them, with directions to lights.
+inline GuidePoints guide_points(const VertexWave& v, const TripleArray& wo, const TripleArray& light_direction) {
+    return {v.position, v.geometric_normal, light_direction, wo,         v.shading_normal,
+            v.base,     v.coat_f0,          v.coat_f90,      v.metallic, v.alpha};
+}
+
 /// Directions towards lights from the vertices of a VertexWave, then the light they would bring.
 struct LightWave {
     explicit LightWave(size_t capacity)

@@ -21,6 +21,7 @@ constexpr uint32_t light_seed_salt = 0x2c1b3c6dU;
 LightSubpaths::LightSubpaths(const LightTracing& context)
     : context_(context),
       tracer_(context.render),
+      viewer_(max_slots_per_block),
       emissions_(max_slots_per_block),
       emitted_(max_slots_per_block),
       shadows_(max_slots_per_block),
@@ -42,16 +43,21 @@ void LightSubpaths::trace(const SampleBlock& block, SampleBuffer& samples) {
         tracer_.trace(false);
         find_vertices(bounce);
         if (tracer_.vertices.count == 0) break;
-        if (guide_) ask_guide();
         if (bounce > 0 || context_.connections) {
+            if (guide_) look_from_camera();
             connect_to_camera();
             add_splats(samples);
         }
         if (bounce + 1 == max_depth) break;
         if (context_.connections) store_vertices(bounce);
         const uint32_t dimension = first_scattering + 2 * bounce;
-        tracer_.scatter<Transport::importance>(
-            {bounce, dimension, dimension + 1, emitted_, context_.connections, guide_ ? &*back_ : nullptr});
+        const Scattering scattering{
+            bounce, dimension, dimension + 1, emitted_, context_.connections, guide_ ? &*back_ : nullptr};
+        if (guide_) {
+            tracer_.sample_directions(scattering, viewer_);
+            ask_guide(viewer_);
+        }
+        tracer_.scatter<Transport::importance>(scattering);
     }
 }
 
@@ -175,8 +181,16 @@ void LightSubpaths::store_vertices(uint32_t bounce) {
     }
 }
 
-// Density with which camera paths would choose the direction that the light has come from.
-void LightSubpaths::ask_guide() {
+void LightSubpaths::look_from_camera() {
+    const VertexWave& vertices = tracer_.vertices;
+    for (size_t k = 0; k < vertices.count; k += simd_width) {
+        viewer_.store(k, context_.projection.view(vertices.position.load(k)).wi);
+    }
+    ask_guide(viewer_);
+}
+
+// Density with which camera paths that come from `viewer` would choose the direction that the light has come from.
+void LightSubpaths::ask_guide(const TripleArray& viewer) {
     const VertexWave& vertices = tracer_.vertices;
     GuideBatch& batch = *back_;
     batch.count = vertices.count;
@@ -186,7 +200,7 @@ void LightSubpaths::ask_guide() {
         batch.u_choice[k] = 1.0F;  // Keeps the direction as it is.
         batch.direction.set(k, vertices.wo.get(k));
     }
-    guide_->guide({vertices.position, vertices.geometric_normal, vertices.wo}, batch);
+    guide_->guide(guide_points(vertices, viewer, vertices.wo), batch);
 }
 
 // Strategy t = 1: rays from the vertices to the camera, with the radiance of the pixel that they bring.

@@ -25,7 +25,8 @@ class LightSubpaths {
     void start_sums();
     void set_flags(uint32_t bounce);
     void store_vertices(uint32_t bounce);
-    void ask_guide();
+    void ask_guide(const TripleArray& viewer);
+    void look_from_camera();
     void connect_to_camera();
     void add_splats(SampleBuffer& samples);
 
@@ -34,6 +35,7 @@ class LightSubpaths {
     LightVertices stored_;
     std::unique_ptr<GuideWorker> guide_;     ///< Of camera paths; null: not guided.
     std::optional<GuideBatch> back_;         ///< What it would do at the vertices of the wave, towards `wo`.
+    TripleArray viewer_;                     ///< Unit, to where a camera path would come from.
     float least_guided_alpha_ = 0.0F;        ///< DirectionalGuide::least_alpha.
     std::vector<uint32_t> slots_;            ///< Those with a light path.
     std::vector<EmissionSample> emissions_;  ///< Per slot.

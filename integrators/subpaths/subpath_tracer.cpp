@@ -34,6 +34,21 @@ NEPHROID_FLATTEN void SubpathTracer::carry_sums() {
     }
 }
 
+NEPHROID_FLATTEN void SubpathTracer::sample_directions(const Scattering& how, TripleArray& directions) const {
+    for (size_t k = 0; k < vertices.count; k += simd_width) {
+        const UintV slot(&vertices.slot[k], stdx::vector_aligned);
+        const auto active = first_lanes(vertices.count - k);
+        const UintV seed = gather(seeds.data(), slot, active);
+        const UintV index = gather(indices.data(), slot, active);
+        const FloatV u_lobe = sample_2d(context_.sampler, seed, index, how.lobe_dimension).first;
+        const auto [u, v] = sample_2d(context_.sampler, seed, index, how.direction_dimension);
+        const Frame<FloatV> frame = make_frame(vertices.shading_normal.load(k));
+        const BsdfSample<FloatV> sample =
+            sample_bsdf(vertices.bsdf(k), frame.to_local(vertices.wo.load(k)), u_lobe, u, v);
+        directions.store(k, frame.to_world(sample.wi));
+    }
+}
+
 template <Transport transport>
 NEPHROID_FLATTEN void SubpathTracer::scatter(const Scattering& how) {
     const FloatV zero(0.0F), one(1.0F);

@@ -31,6 +31,8 @@ class SubpathTracer {
     /// Sums from the last scattering carried to the vertices; not for first vertices.
     void carry_sums();
 
+    /// The directions (unit) that `scatter` will choose; anything where it chooses none.
+    void sample_directions(const Scattering& how, TripleArray& directions) const;
     /// A direction at every vertex with its throughput, roulette and sums; the survivors become the next rays.
     template <Transport transport>
     void scatter(const Scattering& how);

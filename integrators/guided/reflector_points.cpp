@@ -1,0 +1,87 @@
+#include "integrators/guided/reflector_points.h"
+
+#include <cmath>
+#include <unordered_set>
+
+#include "core/rounding.h"
+#include "core/scene.h"
+
+namespace nephroid {
+
+namespace {
+
+/// Photons of two and more reflections that bring less than this share of all photons' light are left to the BSDF.
+constexpr float least_long_share = 1e-3F;
+
+/// Points' spacing is halved so many times at most, from the extent of all of them.
+constexpr int most_halvings = 12;
+
+struct LastReflection {
+    Vec3 y{0.0F};
+    uint32_t photon = 0;
+};
+
+std::vector<LastReflection> last_reflections(const std::vector<CausticPhoton>& photons,
+                                             const std::vector<PhotonCoverage>& coverage) {
+    std::vector<LastReflection> found;
+    double power = 0.0, long_power = 0.0;
+    for (uint32_t i = 0; i < photons.size(); ++i) {
+        const CausticPhoton& photon = photons[i];
+        if (!(coverage[i].bsdf_pdf > 0.0F)) continue;
+        power += double{photon.power};
+        if (photon.reflections < 2) continue;
+        long_power += double{photon.power};
+        found.push_back({photon.at.position + photon.wi * photon.distance, i});
+    }
+    if (long_power <= double{least_long_share} * power) found.clear();
+    return found;
+}
+
+uint64_t cell_of(const Vec3& y, const Vec3& corner, float size) {
+    const Vec3 at = (y - corner) / size;
+    uint64_t key = 0;
+    for (int axis = 0; axis < 3; ++axis) key = key << 21U | static_cast<uint64_t>(std::max(at[axis], 0.0F));
+    return key;
+}
+
+/// The first one in each cell of a grid.
+std::vector<LastReflection> one_per_cell(const std::vector<LastReflection>& all, const Vec3& corner, float size) {
+    std::unordered_set<uint64_t> taken;
+    std::vector<LastReflection> kept;
+    for (const LastReflection& reflection : all) {
+        if (taken.insert(cell_of(reflection.y, corner, size)).second) kept.push_back(reflection);
+    }
+    return kept;
+}
+
+}  // namespace
+
+std::vector<Receiver> choose_reflector_points(const RenderContext& context, const std::vector<CausticPhoton>& photons,
+                                              const std::vector<PhotonCoverage>& coverage, size_t most) {
+    const std::vector<LastReflection> all = last_reflections(photons, coverage);
+    if (all.empty()) return {};
+    Bounds bounds;
+    for (const LastReflection& reflection : all) bounds.extend(reflection.y);
+    float size = glm::length(bounds.max - bounds.min);
+    if (!(size > 0.0F) || !std::isfinite(size)) return {};
+    std::vector<LastReflection> kept;
+    for (int i = 0; i < most_halvings; ++i) {
+        std::vector<LastReflection> finer = one_per_cell(all, bounds.min, 0.5F * size);
+        if (finer.size() > most) break;
+        kept = std::move(finer);
+        size *= 0.5F;
+    }
+    std::vector<Receiver> points;
+    for (const LastReflection& reflection : kept) {
+        const CausticPhoton& photon = photons[reflection.photon];
+        const Receiver& at = photon.at;
+        const Hit hit = context.accelerator.intersect(
+            {offset_ray_origin(at.position, at.error, at.geometric_normal, photon.wi), photon.wi});
+        if (hit.object >= context.surfaces.object_count() || !context.surfaces.is_caster(hit.object)) continue;
+        const SurfaceInteraction s = context.surfaces.interact(hit.object, hit.primitive, hit.u, hit.v, -photon.wi);
+        points.push_back({s.position, s.error, s.geometric_normal, s.shading_normal, s.bsdf.alpha, size, hit.object});
+    }
+    return points;
+}
+
+}  // namespace nephroid
