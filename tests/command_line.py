@@ -108,6 +108,21 @@ class CommandLine(unittest.TestCase):
         self.assertIn("point", result.stdout)
         self.assertEqual(list(self.path.iterdir()), [])
 
+    def test_quality(self):
+        def told(*arguments):
+            self.render(*arguments, "--size", "8x6", "--max-depth", "2", "--stats", self.path / "s.json")
+            return json.loads((self.path / "s.json").read_text())
+
+        # Not guided: samples alone.
+        self.assertEqual(told("--quality", "draft")["spp"], 16)
+        self.assertEqual(told("--quality", "final", "--spp", "2")["spp"], 2)
+        draft = told("-i", "guided", "--quality", "draft", "--set", "photons=5")
+        self.assertEqual(draft["spp"], 16)
+        default = told("-i", "guided")
+        self.assertEqual(default["spp"], 64)
+        self.assertEqual(draft["parameters"]["photons"], "5")
+        self.assertLess(int(draft["parameters"]["cached_points"]), int(default["parameters"]["cached_points"]))
+
     def test_default_output_name(self):
         result = run("-i", "path", "--size", "16x16", "--spp", "1", self.scene, cwd=self.path)
         self.assertEqual(result.returncode, 0, result.stderr)
@@ -122,6 +137,7 @@ class CommandLine(unittest.TestCase):
             (["--crop", "1,2,3", "-i", "path", scene], "--crop"),
             (["--crop", "50,0,40,10", "-i", "path", "--size", "64x48", scene], "--crop"),
             (["-i", "nonsense", scene], "nonsense"),
+            (["--quality", "best", scene], "draft, standard or final"),
             (["-i", "sms", scene], "not in this version"),
             (["-i", "ppg", "--set", "preset=2018", scene], "2019|2017"),
             (["-i", "ppg", "--set", "bsdf_fraction=0", scene], "learned"),

@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "apps/command.h"
+#include "apps/render/quality.h"
 #include "core/error.h"
 
 namespace nephroid {
@@ -110,6 +111,14 @@ void check_ranges(const Options& options) {
         usage_error("--resume", "needs --checkpoint FILE to continue from");
 }
 
+// What was asked for in so many words comes first.
+void apply_quality(Options& options) {
+    const Quality& quality = quality_named(options.quality);
+    if (!options.spp && !options.time && !options.noise) options.spp = quality.spp;
+    if (options.integrator != "guided") return;
+    options.assignments.insert(options.assignments.begin(), quality.guided.begin(), quality.guided.end());
+}
+
 }  // namespace
 
 std::optional<Options> parse_options(int argc, char** argv) {
@@ -131,7 +140,7 @@ std::optional<Options> parse_options(int argc, char** argv) {
         ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
         ->allow_extra_args(false);
     app.add_option("-i,--integrator", options.integrator, "path, bdpt, ppg or guided [guided]");
-    app.add_option("--spp", options.spp, "stop at N samples per pixel [64]")->check(CLI::Range(1, 1 << 30));
+    app.add_option("--spp", options.spp, "stop at N samples per pixel [as --quality]")->check(CLI::Range(1, 1 << 30));
     app.add_option("--time", options.time, "stop after SECONDS, everything counted from process start");
     app.add_option("--noise", options.noise, "stop at relative noise REL");
     app.add_option("--seed", options.seed, "seed of all random numbers [0]");
@@ -149,6 +158,8 @@ std::optional<Options> parse_options(int argc, char** argv) {
     app.add_option("--checkpoint", options.checkpoint, "save the render's state to this file");
     app.add_option("--checkpoint-every", options.checkpoint_every, "seconds between checkpoints [60]");
     app.add_flag("--resume", options.resume, "continue from the checkpoint");
+    app.add_option("--quality", options.quality,
+                   "draft, standard or final: 16, 64 or 1024 samples, and how much guided prepares [standard]");
     app.add_option("--set", options.assignments, "integrator parameter key=value; may be repeated")
         ->expected(1)
         ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
@@ -180,7 +191,7 @@ std::optional<Options> parse_options(int argc, char** argv) {
         }
     }
     if (!options.info) check_integrator(options);
-    if (!options.spp && !options.time && !options.noise) options.spp = 64;
+    apply_quality(options);
     if (options.threads == 0) options.threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
     if (quiet) options.verbosity = Verbosity::quiet;
     if (verbose) options.verbosity = Verbosity::verbose;

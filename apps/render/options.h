@@ -33,7 +33,8 @@ struct Options {
     std::string checkpoint;
     double checkpoint_every = 60.0;
     bool resume = false;
-    std::vector<std::string> assignments;
+    std::string quality = "standard";
+    std::vector<std::string> assignments;  ///< After those that `quality` implies.
     /// Pixel whose sampling is to be shown instead of a picture.
     struct Pixel {
         int x, y;

@@ -25,11 +25,6 @@ constexpr uint32_t dimension_of(uint32_t bounce, VertexDimension dimension) {
 /// Throughput below which a path may end before, where a guide has taken its light already.
 constexpr float spent_throughput = 0.05F;
 
-/// Tells the random numbers of FilmGuide's choice from all others.
-constexpr uint32_t highlight_choice = 0x5bd1e995U;
-/// Tells those of its further positions from those of the first.
-constexpr uint32_t highlight_position = 0x7feb352dU;
-
 FloatV load(const AlignedArray<float>& values, size_t i) {
     return FloatV(&values[i], stdx::vector_aligned);
 }
@@ -50,9 +45,11 @@ PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* gui
       vertices_(max_slots_per_block),
       lights_(max_slots_per_block),
       shadows_(max_slots_per_block),
-      film_guide_(film_guide),
       light_tracing_(light_tracing) {
-    if (film_guide != nullptr) positions_.emplace();
+    if (film_guide != nullptr) {
+        highlights_.emplace(context, *film_guide);
+        position_samples_.emplace();
+    }
     if (light_tracing != nullptr) rivals_.emplace(max_slots_per_block);
     if (guide == nullptr) return;
     guide_ = guide->make_worker();
@@ -64,9 +61,9 @@ PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* gui
 void PathWorker::render(const SampleBlock& block, SampleBuffer& samples) {
     clear_samples(samples, context_.aovs, block.slot_count());
     start_camera_paths(context_, block, film_dimension, seeds_, indices_, paths_);
-    if (film_guide_ != nullptr) find_highlights(block);
+    if (highlights_) start_in_highlights(block);
     trace_paths(samples);
-    if (film_guide_ != nullptr && !highlights_.empty()) add_highlight_positions(samples);
+    if (highlights_ && !highlights_->found().empty()) add_highlight_positions(samples);
 }
 
 void PathWorker::trace_paths(SampleBuffer& samples) {
@@ -109,82 +106,51 @@ void PathWorker::incident_radiance(const RayBatch& rays, std::span<const uint32_
     clear_samples(samples, context_.aovs, rays.count);
     paths_.rays.count = 0;
     for (size_t i = 0; i < rays.count; ++i) {
-        paths_.rays.push(rays.origin(i), rays.direction(i));
-        paths_.throughput.set(i, Vec3(1.0F));
-        paths_.pdf[i] = 0.0F;
-        paths_.slot[i] = static_cast<uint32_t>(i);
+        push_path(rays.origin(i), rays.direction(i), 1.0F, seeds[i], first_index);
         paths_.flags[i] = receiver_seen;
-        seeds_[i] = seeds[i];
-        indices_[i] = first_index;
     }
     trace_paths(samples);
 }
 
+// A path of its own slot.
+void PathWorker::push_path(const Vec3& origin, const Vec3& direction, float throughput, uint32_t seed, uint32_t index) {
+    const size_t path = paths_.rays.count;
+    paths_.rays.push(origin, direction);
+    paths_.throughput.set(path, Vec3(throughput));
+    paths_.pdf[path] = 0.0F;
+    paths_.slot[path] = static_cast<uint32_t>(path);
+    paths_.flags[path] = 0;
+    seeds_[path] = seed;
+    indices_[path] = index;
+}
+
 // Samples of pixels with highlights start anew.
-void PathWorker::find_highlights(const SampleBlock& block) {
-    highlights_.clear();
-    const auto& pixels = film_guide_->pixels();
-    const auto is_above = [](const FilmGuide::Pixel& pixel, int y) { return pixel.y < y; };
-    auto pixel = std::lower_bound(pixels.begin(), pixels.end(), block.tile_y, is_above);
-    for (; pixel != pixels.end() && pixel->y < block.tile_y + tile_size; ++pixel) {
-        for (uint32_t p = 0; p < block.pixel_count; ++p) {
-            if (block.tile_x + block.pixel_x[p] != pixel->x || block.tile_y + block.pixel_y[p] != pixel->y) continue;
-            for (uint32_t s = 0; s < block.sample_count; ++s) {
-                const uint32_t slot = s * block.pixel_count + p;
-                highlights_.push_back({&*pixel, slot, seeds_[slot], indices_[slot]});
-                const FilmGuide::Position position = position_in(*pixel, seeds_[slot], indices_[slot]);
-                paths_.throughput.set(slot, Vec3(position.weight));
-                // Otherwise the camera ray stays, which AOVs are of.
-                if (position.weight > 0.0F) {
-                    const auto [origin, direction] = camera_ray(position.film);
-                    paths_.rays.set(slot, origin, direction);
-                }
-            }
-        }
+void PathWorker::start_in_highlights(const SampleBlock& block) {
+    for (const HighlightSamples::Sample& sample : highlights_->find(block, seeds_, indices_)) {
+        const CameraStart start = highlights_->start(sample, 0);
+        paths_.throughput.set(sample.slot, Vec3(start.weight));
+        // Otherwise the camera ray stays, which AOVs are of.
+        if (start.weight > 0.0F) paths_.rays.set(sample.slot, start.origin, start.direction);
     }
-}
-
-FilmGuide::Position PathWorker::position_in(const FilmGuide::Pixel& pixel, uint32_t seed, uint32_t index) const {
-    const auto [u, v] = sample_2d(context_.sampler, seed, index, film_dimension);
-    const uint32_t choice_seed = pixel_seed(seed, highlight_choice, context_.seed);
-    const auto [choice, pick] = sample_2d(context_.sampler, choice_seed, index, film_dimension);
-    return film_guide_->sample_inside(pixel, choice, u, v, pick);
-}
-
-std::pair<Vec3, Vec3> PathWorker::camera_ray(const Vec2& film) const {
-    const CameraRays& camera = context_.camera_rays;
-    return {to_vec3(camera.origin(film.x, film.y)), to_vec3(camera.direction(film.x, film.y))};
 }
 
 // Further positions of the same samples, wave by wave, until each is the mean of all of its positions.
 void PathWorker::add_highlight_positions(SampleBuffer& samples) {
-    // What one sample in a pixel finds is an observer's business, and it has seen that.
+    // An observer has seen the sample already.
     PathObserver* observer = std::exchange(observer_, nullptr);
     paths_.rays.count = 0;
-    position_slots_.clear();
-    for (const HighlightSample& sample : highlights_) {
-        const uint32_t more = sample.pixel->positions - 1;
-        for (uint32_t i = 0; i < more; ++i) {
+    for (const HighlightSamples::Sample& sample : highlights_->found()) {
+        for (uint32_t i = 1; i < sample.pixel->positions; ++i) {
+            const CameraStart start = highlights_->start(sample, i);
+            if (!(start.weight > 0.0F)) continue;
             if (paths_.rays.count == max_slots_per_block) trace_highlight_positions(samples);
-            const uint32_t seed = pixel_seed(sample.seed, highlight_position, context_.seed);
-            const uint32_t index = sample.index * more + i;
-            const FilmGuide::Position position = position_in(*sample.pixel, seed, index);
-            if (!(position.weight > 0.0F)) continue;
-            const size_t path = paths_.rays.count;
-            const auto [origin, direction] = camera_ray(position.film);
-            paths_.rays.push(origin, direction);
-            paths_.throughput.set(path, Vec3(position.weight));
-            paths_.pdf[path] = 0.0F;
-            paths_.slot[path] = static_cast<uint32_t>(path);
-            paths_.flags[path] = 0;
-            seeds_[path] = seed;
-            indices_[path] = index;
             position_slots_.push_back(sample.slot);
+            push_path(start.origin, start.direction, start.weight, start.seed, start.index);
         }
     }
     trace_highlight_positions(samples);
     observer_ = observer;
-    for (const HighlightSample& sample : highlights_) {
+    for (const HighlightSamples::Sample& sample : highlights_->found()) {
         const float share = 1.0F / static_cast<float>(sample.pixel->positions);
         for (int c = 0; c < 3; ++c) {
             samples.radiance[c][sample.slot] *= share;
@@ -194,12 +160,12 @@ void PathWorker::add_highlight_positions(SampleBuffer& samples) {
 }
 
 void PathWorker::trace_highlight_positions(SampleBuffer& samples) {
-    clear_samples(*positions_, context_.aovs, position_slots_.size());
-    trace_paths(*positions_);
+    clear_samples(*position_samples_, context_.aovs, position_slots_.size());
+    trace_paths(*position_samples_);
     for (size_t i = 0; i < position_slots_.size(); ++i) {
         for (int c = 0; c < 3; ++c) {
-            samples.radiance[c][position_slots_[i]] += positions_->radiance[c][i];
-            if (context_.aovs.caustic) samples.caustic[c][position_slots_[i]] += positions_->caustic[c][i];
+            samples.radiance[c][position_slots_[i]] += position_samples_->radiance[c][i];
+            if (context_.aovs.caustic) samples.caustic[c][position_slots_[i]] += position_samples_->caustic[c][i];
         }
     }
     position_slots_.clear();

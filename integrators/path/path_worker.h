@@ -3,11 +3,10 @@
 
 #include <optional>
 #include <span>
-#include <utility>
 
 #include "guiding/directional_guide.h"
-#include "guiding/film_guide.h"
 #include "integrators/integrator.h"
+#include "integrators/path/highlight_samples.h"
 #include "integrators/path/path_observer.h"
 #include "integrators/path/wave.h"
 #include "integrators/subpaths/light_tracing.h"
@@ -35,17 +34,10 @@ class PathWorker final : public IntegratorWorker {
     uint64_t rays() const override { return rays_; }
 
   private:
-    /// A sample of a pixel with highlights.
-    struct HighlightSample {
-        const FilmGuide::Pixel* pixel;
-        uint32_t slot, seed, index;
-    };
-
-    void find_highlights(const SampleBlock& block);
-    FilmGuide::Position position_in(const FilmGuide::Pixel& pixel, uint32_t seed, uint32_t index) const;
-    std::pair<Vec3, Vec3> camera_ray(const Vec2& film) const;
+    void start_in_highlights(const SampleBlock& block);
     void add_highlight_positions(SampleBuffer& samples);
     void trace_highlight_positions(SampleBuffer& samples);
+    void push_path(const Vec3& origin, const Vec3& direction, float throughput, uint32_t seed, uint32_t index);
     void trace_paths(SampleBuffer& samples);
     void trace(uint32_t bounce);
     void collect_vertices(uint32_t bounce, SampleBuffer& samples);
@@ -81,13 +73,12 @@ class PathWorker final : public IntegratorWorker {
     ShadowWave shadows_;
     PathObserver* observer_ = nullptr;
     std::optional<PathArray<uint32_t>> scattered_from_;  ///< Of each new ray: its vertex. For observers alone.
-    const FilmGuide* film_guide_;
-    std::vector<HighlightSample> highlights_;  ///< Of the block.
-    std::optional<SampleBuffer> positions_;    ///< Samples of a wave of further positions; empty without film guide.
-    std::vector<uint32_t> position_slots_;     ///< Which slot of the block each of them belongs to.
-    std::unique_ptr<GuideWorker> guide_;       ///< Null: not guided.
-    float least_guided_alpha_ = 0.0F;          ///< DirectionalGuide::least_alpha.
-    bool guide_leads_on_ = false;              ///< DirectionalGuide::leads_on.
+    std::optional<HighlightSamples> highlights_;         ///< Empty without film guide.
+    std::optional<SampleBuffer> position_samples_;       ///< Of a wave of further positions in highlights.
+    std::vector<uint32_t> position_slots_;               ///< Which slot of the block each of them belongs to.
+    std::unique_ptr<GuideWorker> guide_;                 ///< Null: not guided.
+    float least_guided_alpha_ = 0.0F;                    ///< DirectionalGuide::least_alpha.
+    bool guide_leads_on_ = false;                        ///< DirectionalGuide::leads_on.
     std::optional<GuidedWave> guided_;
     const LightTracing* light_tracing_;  ///< Null: no splats to weigh against.
     std::optional<RivalWave> rivals_;
