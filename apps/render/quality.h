@@ -1,4 +1,4 @@
-// --quality: samples and settings that go together, chosen by the curves of docs/tradeoffs.md.
+// --quality: samples and settings that go together, chosen by the curves of docs/guiding.md, "What a knob trades".
 #pragma once
 
 #include <cstdint>
