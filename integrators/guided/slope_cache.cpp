@@ -85,7 +85,7 @@ class SlopeCacheMaker {
         cache_.lobes = LineArray<CachedSlopeLobe>(all);
         cache_.lookup = CachedPointLookup(cache_.points);
         cache_.leads_on = has_long_paths(found_);
-        cache_.serves_reflectors = serves_reflectors_;
+        cache_.serves_reflectors = statistics_.reflector_points > 0;
     }
 
     void trace_photons() {
@@ -100,30 +100,28 @@ class SlopeCacheMaker {
 
     void add_points() {
         if (is_over()) return;
-        const auto most = static_cast<size_t>(most_added * static_cast<float>(found_.receivers.size()));
-        const std::vector<Receiver> more = poorly_covered(cache_, photons_, coverage_, most);
-        if (more.empty()) return;
-        add_receivers(context_, settings_, more, found_, statistics_);
-        stopwatch_.lap();
-        make_lobes();
-        rebuild();
-        coverage_ = measure_coverage(cache_, options_, photons_);
+        const std::vector<Receiver> more = poorly_covered(cache_, photons_, coverage_, most(most_added));
         statistics_.added_points = more.size();
-        statistics_.seconds_lobes += stopwatch_.lap();
+        add(more);
     }
 
     void add_reflector_points() {
         if (is_over()) return;
-        const auto most = static_cast<size_t>(most_reflector_points * static_cast<float>(found_.receivers.size()));
-        const std::vector<Receiver> more = choose_reflector_points(context_, photons_, coverage_, most);
+        const std::vector<Receiver> more =
+            choose_reflector_points(context_, photons_, coverage_, most(most_reflector_points));
+        statistics_.reflector_points = more.size();
+        add(more);
+    }
+
+    size_t most(float share) const { return static_cast<size_t>(share * static_cast<float>(found_.receivers.size())); }
+
+    void add(const std::vector<Receiver>& more) {
         if (more.empty()) return;
         add_receivers(context_, settings_, more, found_, statistics_);
         stopwatch_.lap();
         make_lobes();
         rebuild();
-        serves_reflectors_ = cache_.serves_reflectors = true;
         coverage_ = measure_coverage(cache_, options_, photons_);
-        statistics_.reflector_points = more.size();
         statistics_.seconds_lobes += stopwatch_.lap();
     }
 
@@ -164,7 +162,6 @@ class SlopeCacheMaker {
     Stopwatch stopwatch_;
     SlopeCache cache_;
     std::vector<std::vector<CachedSlopeLobe<float>>> lobes_;  ///< Of each cached point.
-    bool serves_reflectors_ = false;
     std::vector<CausticPhoton> photons_;
     std::vector<PhotonCoverage> coverage_;
     std::vector<OddsMoments> expected_;
