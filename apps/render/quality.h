@@ -13,9 +13,6 @@ struct Quality {
     std::vector<std::string> guided;  ///< Assignments "key=value" of `guided`; others have nothing to trade.
 };
 
-/// From the fastest to the cleanest.
-const std::vector<Quality>& qualities();
-
 /// Throws Error(usage) where there is none of that name.
 const Quality& quality_named(const std::string& name);
 

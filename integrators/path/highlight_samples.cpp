@@ -6,8 +6,6 @@ namespace nephroid {
 
 namespace {
 
-/// The film's pair of random numbers, as of all camera paths.
-constexpr uint32_t film_dimension = 0;
 /// Tells the random numbers of FilmGuide's choice from all others.
 constexpr uint32_t choice_salt = 0x5bd1e995U;
 /// Tells those of further positions from those of the first.
@@ -42,9 +40,9 @@ CameraStart HighlightSamples::start(const Sample& sample, uint32_t position) con
         start.seed = pixel_seed(sample.seed, further_salt, context_.seed);
         start.index = sample.index * (sample.pixel->positions - 1) + position - 1;
     }
-    const auto [u, v] = sample_2d(context_.sampler, start.seed, start.index, film_dimension);
+    const auto [u, v] = sample_2d(context_.sampler, start.seed, start.index, film_dimension_);
     const uint32_t choice_seed = pixel_seed(start.seed, choice_salt, context_.seed);
-    const auto [choice, pick] = sample_2d(context_.sampler, choice_seed, start.index, film_dimension);
+    const auto [choice, pick] = sample_2d(context_.sampler, choice_seed, start.index, film_dimension_);
     const FilmGuide::Position found = guide_.sample_inside(*sample.pixel, choice, u, v, pick);
     start.weight = found.weight;
     if (!(found.weight > 0.0F)) return start;

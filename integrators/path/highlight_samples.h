@@ -24,8 +24,9 @@ class HighlightSamples {
         uint32_t slot, seed, index;
     };
 
-    /// Keeps references.
-    HighlightSamples(const RenderContext& context, const FilmGuide& guide) : context_(context), guide_(guide) {}
+    /// Keeps references. `film_dimension`: the pair of random numbers that film positions come from.
+    HighlightSamples(const RenderContext& context, const FilmGuide& guide, uint32_t film_dimension)
+        : context_(context), guide_(guide), film_dimension_(film_dimension) {}
 
     /// All samples of the block that lie in highlights; `seeds` and `indices` per slot.
     const std::vector<Sample>& find(const SampleBlock& block, const AlignedArray<uint32_t>& seeds,
@@ -37,6 +38,7 @@ class HighlightSamples {
   private:
     const RenderContext& context_;
     const FilmGuide& guide_;
+    uint32_t film_dimension_;
     std::vector<Sample> samples_;
 };
 

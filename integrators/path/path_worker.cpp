@@ -47,7 +47,7 @@ PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* gui
       shadows_(max_slots_per_block),
       light_tracing_(light_tracing) {
     if (film_guide != nullptr) {
-        highlights_.emplace(context, *film_guide);
+        highlights_.emplace(context, *film_guide, film_dimension);
         position_samples_.emplace();
     }
     if (light_tracing != nullptr) rivals_.emplace(max_slots_per_block);
