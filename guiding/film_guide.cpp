@@ -31,7 +31,7 @@ constexpr float wanted_inside = 4.0F;
 constexpr uint32_t most_candidates = 64;
 
 /// Positions of a sample.
-constexpr double most_positions = 256.0;
+constexpr double most_positions = 1024.0;
 
 /// (x + i * step) modulo 1: evenly spread for i = 0, 1, ...
 float spread(float x, uint32_t i, double step) {
@@ -97,14 +97,14 @@ FilmGuide::FilmGuide(const CameraRays& rays, std::span<const FilmLobe> lobes)
     }
 }
 
-// Samples of a highlight deviate in proportion to its radiance, and so the least sum of all variances has positions in
-// proportion to it, too.
-void FilmGuide::add_positions(double count) {
-    double radiance = 0.0;
-    for (const Pixel& pixel : pixels_) radiance += double{pixel.radiance};
-    for (Pixel& pixel : pixels_) {
-        const double share = count * double{pixel.radiance} / radiance;
-        pixel.positions = static_cast<uint32_t>(std::min(1.0 + share, most_positions));
+// The least sum of all variances has positions in proportion to their deviations.
+void FilmGuide::add_positions(double count, std::span<const float> deviations) {
+    double sum = 0.0;
+    for (const float deviation : deviations) sum += double{deviation};
+    if (!(sum > 0.0)) return;
+    for (size_t i = 0; i < pixels_.size(); ++i) {
+        const double share = count * double{deviations[i]} / sum;
+        pixels_[i].positions = static_cast<uint32_t>(std::min(1.0 + share, most_positions));
     }
 }
 

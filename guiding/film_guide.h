@@ -24,6 +24,8 @@ struct FilmLobe {
     SlopeLobe<float> lobe;    ///< At the pinhole.
     float irradiance = 0.0F;  ///< That it brings to the pinhole, luminance in W/m^2.
     float background = 0.0F;  ///< Radiance of what else its pixels may show, W/(m^2 sr), as a scale.
+    uint32_t light = 0;       ///< Whose it is.
+    uint32_t reflections = 1;
 };
 
 class FilmGuide {
@@ -47,9 +49,13 @@ class FilmGuide {
     const std::vector<Pixel>& pixels() const { return pixels_; }
     bool empty() const { return pixels_.empty(); }
 
-    /// Spends about so many positions beyond one on each round of samples, most where highlights are brightest: a few
-    /// pixels that outshine the rest of the picture by thousands have most of its variance.
-    void add_positions(double count);
+    /// Of a pixel, 0 .. count - 1.
+    const FilmLobe& lobe(const Pixel& pixel, uint32_t i) const { return lobes_[shares_[pixel.first + i].lobe]; }
+
+    /// Spends about so many positions beyond one on each round of samples, most where one position deviates most: a few
+    /// pixels that outshine the rest of the picture by thousands have most of its variance. `deviations` of all pixels,
+    /// not negative, in any unit.
+    void add_positions(double count, std::span<const float> deviations);
 
     /// A position inside the pixel.
     struct Position {

@@ -45,7 +45,9 @@ GuidedIntegrator::GuidedIntegrator(const RenderContext& context, const CasterRep
     Stopwatch stopwatch;
     GuidedPaths found = prepare_paths(context, casters, settings);
     statistics_.seconds_hierarchy = stopwatch.lap();
-    if (settings.lobe == LobeKind::slope) film_guide_ = find_highlights(context, found, view, settings);
+    Highlights highlights;
+    if (settings.lobe == LobeKind::slope) highlights = find_highlights(context, found, view, settings);
+    film_guide_ = std::move(highlights.film);
     statistics_.seconds_highlights = stopwatch.lap();
     found.receivers = choose_receivers(context, view, affordable_points(context, found, view, settings));
     statistics_.seconds_receivers = stopwatch.lap();
@@ -61,7 +63,7 @@ GuidedIntegrator::GuidedIntegrator(const RenderContext& context, const CasterRep
     if (settings.lobe == LobeKind::slope) {
         SlopeMixtureOptions options;
         options.warp = settings.slope_warp;
-        MadeSlopeCache made = make_slope_cache(context, found, settings, statistics_);
+        MadeSlopeCache made = make_slope_cache(context, found, highlights.mirrors, settings, statistics_);
         keep(slope_lobes_, std::move(made.cache), options);
         if (slope_lobes_ && !settings.guide_fraction) {
             learner_ = std::make_unique<FractionLearner>(slope_lobes_->cache, std::move(made.expected));

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstddef>
 #include <utility>
 
 #include "integrators/guided/guide_fraction.h"
@@ -25,8 +26,8 @@ constexpr float trial_fraction = 0.5F;
 /// At most so many points are added, as a share of those before.
 constexpr float most_added = 0.25F;
 
-/// The same for points on reflectors.
-constexpr float most_reflector_points = 0.0625F;
+/// The same for points on reflectors, and for those of them where the camera sees lamps mirrored twice.
+constexpr float most_reflector_points = 0.0625F, most_mirrors = 0.03125F;
 
 /// Of all paths of a receiver.
 std::vector<CachedSlopeLobe<float>> lobes_of(const SlopeLobeMaker& maker, const GuidedPaths& found, size_t index) {
@@ -42,12 +43,31 @@ std::vector<CachedSlopeLobe<float>> lobes_of(const SlopeLobeMaker& maker, const 
     return lobes;
 }
 
+/// The first `most` that are further than their footprints from each other.
+void add_apart(std::span<const Receiver> points, size_t most, std::vector<Receiver>& chosen) {
+    const size_t first = chosen.size();
+    for (const Receiver& point : points) {
+        if (chosen.size() - first >= most) return;
+        const auto is_near = [&](const Receiver& other) {
+            return glm::length(other.position - point.position) < 0.5F * other.footprint;
+        };
+        if (std::none_of(chosen.begin() + static_cast<std::ptrdiff_t>(first), chosen.end(), is_near)) {
+            chosen.push_back(point);
+        }
+    }
+}
+
 /// A cache in the making.
 class SlopeCacheMaker {
   public:
-    SlopeCacheMaker(const RenderContext& context, GuidedPaths& found, const GuidedSettings& settings,
-                    GuidedStatistics& statistics)
-        : context_(context), found_(found), settings_(settings), statistics_(statistics), maker_(context, found) {
+    SlopeCacheMaker(const RenderContext& context, GuidedPaths& found, std::span<const Receiver> mirrors,
+                    const GuidedSettings& settings, GuidedStatistics& statistics)
+        : context_(context),
+          found_(found),
+          mirrors_(mirrors),
+          settings_(settings),
+          statistics_(statistics),
+          maker_(context, found) {
         options_.warp = settings.slope_warp;
     }
 
@@ -107,8 +127,9 @@ class SlopeCacheMaker {
 
     void add_reflector_points() {
         if (is_over()) return;
-        const std::vector<Receiver> more =
+        std::vector<Receiver> more =
             choose_reflector_points(context_, photons_, coverage_, most(most_reflector_points));
+        add_apart(mirrors_, most(most_mirrors), more);
         statistics_.reflector_points = more.size();
         add(more);
     }
@@ -155,6 +176,7 @@ class SlopeCacheMaker {
 
     const RenderContext& context_;
     GuidedPaths& found_;
+    std::span<const Receiver> mirrors_;
     const GuidedSettings& settings_;
     GuidedStatistics& statistics_;
     SlopeLobeMaker maker_;
@@ -169,9 +191,9 @@ class SlopeCacheMaker {
 
 }  // namespace
 
-MadeSlopeCache make_slope_cache(const RenderContext& context, GuidedPaths& found, const GuidedSettings& settings,
-                                GuidedStatistics& statistics) {
-    return SlopeCacheMaker(context, found, settings, statistics).run();
+MadeSlopeCache make_slope_cache(const RenderContext& context, GuidedPaths& found, std::span<const Receiver> mirrors,
+                                const GuidedSettings& settings, GuidedStatistics& statistics) {
+    return SlopeCacheMaker(context, found, mirrors, settings, statistics).run();
 }
 
 }  // namespace nephroid

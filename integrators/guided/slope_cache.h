@@ -2,6 +2,8 @@
 // Sec. 2).
 #pragma once
 
+#include <span>
+
 #include "guiding/odds_moments.h"
 #include "guiding/slope_mixture.h"
 #include "integrators/guided/guided_paths.h"
@@ -13,8 +15,9 @@ struct MadeSlopeCache {
     std::vector<OddsMoments> expected;  ///< Of each point (expected_moments); empty: nothing has been tried.
 };
 
-/// Cached points, and more of them (added to `found`) where photons show that these do not cover the light.
-MadeSlopeCache make_slope_cache(const RenderContext& context, GuidedPaths& found, const GuidedSettings& settings,
-                                GuidedStatistics& statistics);
+/// Cached points, and more of them (added to `found`) where photons show that these do not cover the light, and on
+/// `mirrors`, the most important first.
+MadeSlopeCache make_slope_cache(const RenderContext& context, GuidedPaths& found, std::span<const Receiver> mirrors,
+                                const GuidedSettings& settings, GuidedStatistics& statistics);
 
 }  // namespace nephroid
