@@ -95,6 +95,25 @@ float one_minus_cos(const Vec3& a, const Vec3& b) {
 /// Bounds grow by this share, so that rounding leaves no vertex outside.
 constexpr float margin = 1.0F + 1e-4F;
 
+/// Cells of a region's grid.
+constexpr uint32_t cells_across = 32, cells_of_region = cells_across * cells_across;
+
+/// Share of the rays that are spread evenly whatever was learned.
+constexpr float spread_share = 0.25F;
+
+uint32_t cell_at(const Vec2& place) {
+    const auto index = [](float x) {
+        return static_cast<uint32_t>(std::clamp(x * cells_across, 0.0F, static_cast<float>(cells_across - 1)));
+    };
+    return index(place.y) * cells_across + index(place.x);
+}
+
+/// In turns, [0, 1].
+float turn_of(const Triple<float>& local) {
+    const float turn = std::atan2(local.y, local.x) * (0.5F * inv_pi);
+    return turn < 0.0F ? turn + 1.0F : turn;
+}
+
 }  // namespace
 
 AimedEmission::AimedEmission(const Scene& scene, const CasterReport& casters) : targets_(scene.lights.size()) {
@@ -109,6 +128,7 @@ AimedEmission::AimedEmission(const Scene& scene, const CasterReport& casters) : 
             float size = 0.0F;
             if (light.kind == LightKind::directional) {
                 targets.across = light.direction;
+                targets.is_directional = true;
                 for (const Vec3& p : group.vertices) {
                     const Vec3 offset = glm::cross(p - centre, light.direction);
                     size = std::max(size, glm::dot(offset, offset));
@@ -137,32 +157,89 @@ void AimedEmission::add_region(Targets& targets, const Region& region) {
     targets.total_size += region.size;
 }
 
-const AimedEmission::Region& AimedEmission::choose(const Targets& targets, float u) {
-    float rest = u * targets.total_size;
+const AimedEmission::Region& AimedEmission::choose(const Targets& targets, float u_choice, Vec2& u) {
+    if (targets.cells.size() > 0) {
+        const auto cell = static_cast<uint32_t>(targets.cells.sample(u_choice));
+        const uint32_t column = cell % cells_across, row = cell % cells_of_region / cells_across;
+        u = (Vec2(static_cast<float>(column), static_cast<float>(row)) + u) / static_cast<float>(cells_across);
+        return targets.regions[cell / cells_of_region];
+    }
+    float rest = u_choice * targets.total_size;
     size_t i = 0;
     while (i + 1 < targets.regions.size() && rest >= targets.regions[i].size) rest -= targets.regions[i++].size;
     return targets.regions[i];
 }
 
+bool AimedEmission::find_place(const Targets& targets, const Region& region, const Vec3& to, Vec2& place) {
+    if (targets.is_directional) {
+        const Vec3 offset = to - region.centre, across = glm::cross(offset, targets.across);
+        const float squared = glm::dot(across, across);
+        if (!(squared <= region.size)) return false;
+        const Triple<float> local = make_frame(to_triple(targets.across)).to_local(to_triple(offset));
+        place = {squared / region.size, turn_of(local)};
+        return true;
+    }
+    const float height = one_minus_cos(region.centre, to);
+    // Everything is inside a whole sphere, whatever rounding says.
+    if (!(height <= region.size) && region.size < 2.0F) return false;
+    const Triple<float> local = make_frame(to_triple(region.centre)).to_local(to_triple(to));
+    place = {height / region.size, turn_of(local)};
+    return true;
+}
+
+float AimedEmission::density(const Targets& targets, const Vec3& to) {
+    float sum = 0.0F;
+    for (size_t i = 0; i < targets.regions.size(); ++i) {
+        const Region& region = targets.regions[i];
+        Vec2 place;
+        if (!find_place(targets, region, to, place)) continue;
+        sum += targets.cells.size() > 0
+                   ? targets.cells.probability(i * cells_of_region + cell_at(place)) * cells_of_region / region.size
+                   : 1.0F / targets.total_size;
+    }
+    return sum;
+}
+
+void AimedEmission::learn(std::span<const AimedRay> rays) {
+    std::vector<std::vector<double>> worth(targets_.size());
+    for (const AimedRay& ray : rays) {
+        if (!aims(ray.light) || !(ray.weight > 0.0F) || !std::isfinite(ray.weight)) continue;
+        const Targets& targets = targets_[ray.light];
+        worth[ray.light].resize(targets.regions.size() * cells_of_region);
+        for (size_t i = 0; i < targets.regions.size(); ++i) {
+            Vec2 place;
+            if (!find_place(targets, targets.regions[i], ray.to, place)) continue;
+            worth[ray.light][i * cells_of_region + cell_at(place)] += double{ray.weight};
+        }
+    }
+    for (size_t light = 0; light < targets_.size(); ++light) {
+        double total = 0.0;
+        for (const double cell : worth[light]) total += cell;
+        if (!(total > 0.0)) continue;
+        Targets& targets = targets_[light];
+        std::vector<float> weights;
+        for (size_t i = 0; i < worth[light].size(); ++i) {
+            const float even = targets.regions[i / cells_of_region].size / (targets.total_size * cells_of_region);
+            weights.push_back((1.0F - spread_share) * static_cast<float>(worth[light][i] / total) +
+                              spread_share * even);
+        }
+        targets.cells = AliasTable(weights);
+    }
+}
+
 Vec3 AimedEmission::sample_direction(uint32_t light, float u_choice, Vec2 u) const {
-    const Region& cone = choose(targets_[light], u_choice);
+    const Region& cone = choose(targets_[light], u_choice, u);
     const Frame<float> frame = make_frame(to_triple(cone.centre));
     return to_vec3(frame.to_world(square_to_uniform_cone(u.x, u.y, cone.size)));
 }
 
 float AimedEmission::direction_pdf(uint32_t light, const Vec3& direction) const {
-    const Targets& targets = targets_[light];
-    float count = 0.0F;
-    for (const Region& cone : targets.regions) {
-        // Everything is inside a whole sphere, whatever rounding says.
-        count += one_minus_cos(cone.centre, direction) <= cone.size || cone.size >= 2.0F ? 1.0F : 0.0F;
-    }
-    return count * 0.5F * inv_pi / targets.total_size;
+    return 0.5F * inv_pi * density(targets_[light], direction);
 }
 
 Vec3 AimedEmission::sample_point(uint32_t light, float u_choice, Vec2 u) const {
     const Targets& targets = targets_[light];
-    const Region& disc = choose(targets, u_choice);
+    const Region& disc = choose(targets, u_choice, u);
     const Frame<float> frame = make_frame(to_triple(targets.across));
     float sine, cosine;
     sincos_turn(u.y, sine, cosine);
@@ -171,13 +248,7 @@ Vec3 AimedEmission::sample_point(uint32_t light, float u_choice, Vec2 u) const {
 }
 
 float AimedEmission::point_pdf(uint32_t light, const Vec3& point) const {
-    const Targets& targets = targets_[light];
-    float count = 0.0F;
-    for (const Region& disc : targets.regions) {
-        const Vec3 offset = glm::cross(point - disc.centre, targets.across);
-        count += glm::dot(offset, offset) <= disc.size ? 1.0F : 0.0F;
-    }
-    return count * inv_pi / targets.total_size;
+    return inv_pi * density(targets_[light], point);
 }
 
 }  // namespace nephroid

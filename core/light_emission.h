@@ -36,6 +36,9 @@ class LightEmission {
     /// Some light has rays to send.
     bool emits() const { return !only_casters_ || selection_.size() > 0; }
 
+    /// Rays that aim at casters go where these were worth most (AimedEmission::learn).
+    void learn(std::span<const AimedRay> rays) { aimed_.learn(rays); }
+
     EmissionSample sample(float u_select, Vec2 u_position, Vec2 u_direction) const;
 
     /// Density of emitted rays, selection included, for the ray of `direction` (unit, away from the light) that meets

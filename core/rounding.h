@@ -15,11 +15,13 @@ constexpr float rounding_bound(int n) {
     return static_cast<float>(n) * half_ulp / (1.0F - static_cast<float>(n) * half_ulp);
 }
 
-/// x moved by at least one unit in the last place in the direction of the sign of `towards`.
+/// x moved by at least one unit in the last place in the direction of the sign of `towards`. From zero by 1e-30: less
+/// than any scene notices, but not so little that a distance from there, divided by a long ray's length, is flushed to
+/// zero, which counts as a hit.
 template <class F>
 F nudge(const F& x, const F& towards) {
-    constexpr float ulp = std::numeric_limits<float>::epsilon();
-    const F step = absolute(x) * F(ulp) + F(std::numeric_limits<float>::min());
+    constexpr float ulp = std::numeric_limits<float>::epsilon(), from_zero = 1e-30F;
+    const F step = absolute(x) * F(ulp) + F(from_zero);
     return x + select(towards < F(0.0F), -step, step);
 }
 

@@ -101,7 +101,7 @@ FilmGuide::FilmGuide(const CameraRays& rays, std::span<const FilmLobe> lobes)
 void FilmGuide::add_positions(double count, std::span<const float> deviations) {
     double sum = 0.0;
     for (const float deviation : deviations) sum += double{deviation};
-    if (!(sum > 0.0)) return;
+    if (!(sum > 0.0) || !std::isfinite(sum)) return;
     for (size_t i = 0; i < pixels_.size(); ++i) {
         const double share = count * double{deviations[i]} / sum;
         pixels_[i].positions = static_cast<uint32_t>(std::min(1.0 + share, most_positions));

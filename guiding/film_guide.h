@@ -1,9 +1,9 @@
 // Film positions where the camera sees a lamp mirrored in glossy metal: highlights smaller than a pixel, which evenly
 // spread samples of the pixel hit once in a thousand times.
 //
-// To the pinhole, a highlight is what a caustic is to a receiver, so it has slope lobes too. In the few pixels that
-// they touch, positions come from the lobes with a probability and evenly otherwise. With the density of both, the
-// pixel's mean stays what it is.
+// To the pinhole, a highlight is what a caustic is to a receiver, so it has slope lobes too, whether the lamp is seen
+// in one mirror or in several. In the few pixels that they touch, positions come from the lobes with a probability and
+// evenly otherwise. With the density of both, the pixel's mean stays what it is.
 //
 // A lobe may reach beyond its pixel. How much of it lies inside has no closed form; so several positions are drawn, one
 // of those inside is used, and their share is its weight (resampling; Talbot et al. 2005): the mean is right for any
@@ -24,7 +24,7 @@ struct FilmLobe {
     SlopeLobe<float> lobe;    ///< At the pinhole.
     float irradiance = 0.0F;  ///< That it brings to the pinhole, luminance in W/m^2.
     float background = 0.0F;  ///< Radiance of what else its pixels may show, W/(m^2 sr), as a scale.
-    uint32_t light = 0;       ///< Whose it is.
+    uint32_t light = 0;       ///< Whose it is, in the order of the search.
     uint32_t reflections = 1;
 };
 

@@ -212,7 +212,7 @@ class Benchmark {
         GuidedPaths found = paths_to(receivers, settings);
         GuidedStatistics statistics;
         return std::make_unique<MixtureCache<SlopeMixtures>>(
-            make_slope_cache(context_, found, settings, statistics).cache, SlopeMixtureOptions());
+            make_slope_cache(context_, found, {}, settings, statistics).cache, SlopeMixtureOptions());
     }
     PaperCachePointer paper_cache(const std::vector<Receiver>& receivers, const GuidedSettings& settings) const {
         return std::make_unique<MixtureCache<SgMixtures>>(

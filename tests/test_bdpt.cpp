@@ -3,7 +3,9 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <limits>
 #include <thread>
+#include <utility>
 
 #include "core/casters.h"
 #include "core/exact_sums.h"
@@ -58,6 +60,22 @@ PunctualLight light_of(LightKind kind) {
     light.cos_inner = 0.9F;
     light.cos_outer = 0.5F;
     return light;
+}
+
+/// Rays of light 0, some of them past the casters. Their worth grows steadily from one side to the other, so that the
+/// learned density has no steps that the tests' integration would miss.
+std::vector<AimedRay> many_rays(const PunctualLight& light) {
+    std::vector<AimedRay> rays;
+    for (uint32_t i = 0; i < 400000; ++i) {
+        const auto [x, y] = sample_2d(SamplerKind::sobol, 5U, i, 0);
+        const auto [z, w] = sample_2d(SamplerKind::sobol, 5U, i, 1);
+        const Vec3 point(4.0F * x - 2.0F, 2.0F * y, 4.0F * z - 2.0F);
+        const bool directional = light.kind == LightKind::directional;
+        rays.push_back({0, directional ? point : glm::normalize(point - light.position), x * x});
+    }
+    rays.push_back({0, Vec3(0.0F, 1.0F, 0.0F), std::numeric_limits<float>::quiet_NaN()});
+    rays.push_back({7, Vec3(0.0F, 1.0F, 0.0F), 1.0F});
+    return rays;
 }
 
 }  // namespace
@@ -155,7 +173,7 @@ TEST_CASE("exact sums: the same bits in any order and from any thread") {
     CHECK(forwards.sum(0) == doctest::Approx(expected).epsilon(1e-12));
 }
 
-TEST_CASE("emission: directions match their density (chi-square), aimed or not") {
+TEST_CASE("emission: directions match their density (chi-square), aimed or not, learned or not") {
     Scene scene = ball_on_floor();
     Object copy = scene.objects[1];
     copy.to_world = Mat4(1.0F);
@@ -166,9 +184,12 @@ TEST_CASE("emission: directions match their density (chi-square), aimed or not")
         scene.lights[0].radius = 0.001F;
         scene.lights[0].position = {1.2F, 2.5F, 0.5F};
         const LightSet lights(scene);
-        for (const EmissionAim aim :
-             {EmissionAim::everywhere, EmissionAim::mostly_casters, EmissionAim::casters_only}) {
-            const LightEmission emission(scene, lights, find_casters(scene), aim);
+        for (const auto& [aim, learned] :
+             {std::pair{EmissionAim::everywhere, false}, std::pair{EmissionAim::mostly_casters, false},
+              std::pair{EmissionAim::casters_only, false}, std::pair{EmissionAim::mostly_casters, true},
+              std::pair{EmissionAim::casters_only, true}}) {
+            LightEmission emission(scene, lights, find_casters(scene), aim);
+            if (learned) emission.learn(many_rays(scene.lights[0]));
             const auto sample = [&](Vec2 u, float u_choice) {
                 const EmissionSample ray = emission.sample(u_choice, {0.3F, 0.6F}, u);
                 return testing::DirectionDraw{ray.direction, glm::length(ray.direction) > 0.5F};
@@ -177,9 +198,9 @@ TEST_CASE("emission: directions match their density (chi-square), aimed or not")
             const Vec3 focus = scene.lights[0].direction;
             // A density with edges, integrated by midpoints, is known to a per mille only: few draws.
             const testing::ChiSquareResult result = testing::chi_square_directions(
-                sample, pdf, focus, 0.05, aim == EmissionAim::everywhere ? 200000 : 30000);
-            INFO("light kind ", static_cast<int>(kind), " aim ", static_cast<int>(aim), " ", result.worst_bin,
-                 " integral ", result.integral);
+                sample, pdf, focus, 0.05, aim == EmissionAim::everywhere ? 200000 : (learned ? 10000 : 30000));
+            INFO("light kind ", static_cast<int>(kind), " aim ", static_cast<int>(aim), " learned ", learned, " ",
+                 result.worst_bin, " integral ", result.integral);
             CHECK(result.p_value > 1e-4);
             CHECK(result.integral == doctest::Approx(1.0).epsilon(0.01));
             if (aim != EmissionAim::everywhere) CHECK(emission.aimed().aims(0));
@@ -187,14 +208,17 @@ TEST_CASE("emission: directions match their density (chi-square), aimed or not")
     }
 }
 
-TEST_CASE("emission of directional lights: rays per area match their density, aimed or not") {
+TEST_CASE("emission of directional lights: rays per area match their density, aimed or not, learned or not") {
     Scene scene = ball_on_floor();
     scene.lights = {light_of(LightKind::directional)};
     const Vec3 direction = scene.lights[0].direction;
     const Frame<float> frame = make_frame(to_triple(direction));
     const LightSet lights(scene);
-    for (const EmissionAim aim : {EmissionAim::everywhere, EmissionAim::mostly_casters, EmissionAim::casters_only}) {
-        const LightEmission emission(scene, lights, find_casters(scene), aim);
+    for (const auto& [aim, learned] :
+         {std::pair{EmissionAim::everywhere, false}, std::pair{EmissionAim::mostly_casters, false},
+          std::pair{EmissionAim::casters_only, false}, std::pair{EmissionAim::casters_only, true}}) {
+        LightEmission emission(scene, lights, find_casters(scene), aim);
+        if (learned) emission.learn(many_rays(scene.lights[0]));
         // Rays through the cells of a square across the light.
         constexpr int cells = 24, subdivisions = 16, draws = 100000;
         constexpr float side = 6.0F;
@@ -226,7 +250,7 @@ TEST_CASE("emission of directional lights: rays per area match their density, ai
             if (expected == 0.0) CHECK(deviation == 0.0);
             if (expected > 0.0) chi2 += deviation * deviation / expected;
         }
-        INFO("aim ", static_cast<int>(aim), " chi2 ", chi2);
+        INFO("aim ", static_cast<int>(aim), " learned ", learned, " chi2 ", chi2);
         CHECK(testing::chi_square_tail(chi2, cells * cells) > 1e-4);
     }
 }

@@ -13,6 +13,7 @@ import OpenEXR
 from bench_runs import BenchError, is_number, read_json, write_json
 
 ERRORS = ["rmse", "relmse", "relmse_trimmed", "flip"]
+NOISES = ["noise_rmse", "noise_rmse_but_ten", "noise_relmse_trimmed"]
 # RMSE falls with the square root of time, so its square counts; relMSE is a square already.
 POWERS = {"rmse": 2.0, "relmse": 1.0, "relmse_trimmed": 1.0}
 LEAST_CONFIDENCE = 0.9
@@ -111,11 +112,20 @@ def add_flip(record: dict, out: str, reference_path: str, reference: numpy.ndarr
     record["flip"], record["mean_ratio"] = known["flip"], known["mean_ratio"]
 
 
-def noise_of(pictures: list[numpy.ndarray]) -> float | None:
-    """The RMSE that the spread of independent pictures explains, without any reference; None for a single picture."""
+def noise_of(pictures: list[numpy.ndarray]) -> dict[str, float]:
+    """The errors that the spread of independent pictures explains, without any reference; empty for a single picture.
+
+    The RMSE, the RMSE without the ten worst pixels (dots), and the relMSE without the worst 0.1 % of the pixels.
+    """
     if len(pictures) < 2:
-        return None
-    return float(numpy.sqrt(numpy.var(numpy.stack(pictures).astype(float), axis=0, ddof=1).mean()))
+        return {}
+    stack = numpy.stack(pictures).astype(float)
+    variance = numpy.var(stack, axis=0, ddof=1)
+    relative = numpy.sort((variance / (stack.mean(axis=0) ** 2 + 0.01)).mean(axis=-1).ravel())
+    squares = numpy.sort(variance.mean(axis=-1).ravel())
+    return {"noise_rmse": float(numpy.sqrt(squares.mean())),
+            "noise_rmse_but_ten": float(numpy.sqrt(squares[:-10].sum() / len(squares))),
+            "noise_relmse_trimmed": float(relative[:len(relative) - len(relative) // 1000].mean())}
 
 
 # ---- what the statistics say
@@ -232,7 +242,7 @@ def summarise(scenes: list[str], methods: list[str], records: list[dict], noise:
         for name in methods:
             failures = [r["failure"] for r in of_scene if r["method"] == name and "failure" in r]
             entry = {"scene": scene, "method": name, "runs": len(done[name]), "failures": failures,
-                     "noise_rmse": noise.get((scene, name))}
+                     **noise.get((scene, name), {})}
             entry.update(medians_of(done[name]))
             entry.update(against_first(done[methods[0]], done[name]))
             result.append(entry)

@@ -85,8 +85,12 @@ def outcome(record: dict) -> str:
             f"{bench_errors.mean_spp(record['statistics']):.4g} spp")
 
 
-def measure(out: str, records: list[dict], references: dict[str, str], hashes: Hashes) -> dict:
-    """Adds FLIP to the records; returns the noise of every scene and method. references: by the scene's name."""
+def measure(out: str, records: list[dict], references: dict[str, str], hashes: Hashes,
+            made_by: dict[str, str] | None = None) -> dict:
+    """Adds FLIP to the records; returns the noise of every scene and method. references: by the scene's name.
+
+    made_by: of scenes whose reference is one more run of a method, that method's name.
+    """
     noise = {}
     for scene, path in references.items():
         reference = bench_errors.read_exr(path)
@@ -95,8 +99,20 @@ def measure(out: str, records: list[dict], references: dict[str, str], hashes: H
             bench_errors.add_flip(record, out, path, reference, hashes[path])
         for name in dict.fromkeys(record["method"] for record in done):
             pictures = [bench_errors.read_exr(os.path.join(out, r["picture"])) for r in done if r["method"] == name]
+            if made_by and made_by.get(scene) == name:
+                pictures.append(reference)
             noise[scene, name] = bench_errors.noise_of(pictures)
     return noise
+
+
+def makers_of(arguments, references: dict[str, str]) -> dict[str, str]:
+    """By scene: the method that made the reference, if that was for as long as the runs take."""
+    maker = arguments.reference_method
+    if not any(method.name == maker.name and method.options() == maker.options() for method in arguments.methods):
+        return {}
+    made = {scene: read_json(path[:-len(".exr")] + ".json") or {} for scene, path in references.items()}
+    return {scene: maker.name for scene, how in made.items()
+            if how.get("methods") == [maker.name] and how.get("seconds") == arguments.time}
 
 
 def results_of(arguments, methods: list[dict], references: dict[str, str], records: list[dict], noise: dict) -> dict:
@@ -124,7 +140,8 @@ def add_others(arguments, results: dict, noise: dict) -> dict:
             if record["scene"] in references:
                 moved = {"picture": os.path.join(folder, record["picture"])} if "picture" in record else {}
                 records.append({**record, **moved})
-        noise.update({(entry["scene"], entry["method"]): entry["noise_rmse"] for entry in other["summaries"]})
+        noise.update({(entry["scene"], entry["method"]): {key: entry[key] for key in bench_errors.NOISES if key in entry}
+                      for entry in other["summaries"]})
     return results_of(arguments, methods, references, records, noise)
 
 
@@ -138,7 +155,7 @@ def compare(arguments) -> bool:
     references = {scene: reference_for(arguments, scene) for scene in arguments.scenes}
     records = run_all(arguments, references, hashes)
     by_name = {scene_name(scene): path for scene, path in references.items()}
-    noise = measure(arguments.out, records, by_name, hashes)
+    noise = measure(arguments.out, records, by_name, hashes, makers_of(arguments, by_name))
     methods = [{"name": method.name, "options": method.options()} for method in arguments.methods]
     results = results_of(arguments, methods, by_name, records, noise)
     results["render_sha256"] = hashes[arguments.render]

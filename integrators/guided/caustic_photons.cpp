@@ -34,10 +34,12 @@ class PhotonTracer {
 
     void trace(uint32_t index, std::vector<CausticPhoton>& landed) const {
         const auto lights = static_cast<uint32_t>(prepared_.lights.size());
-        const PunctualLight& light = context_.scene.lights[prepared_.lights[index % lights].index];
+        const uint32_t light_index = prepared_.lights[index % lights].index;
+        const PunctualLight& light = context_.scene.lights[light_index];
         const uint32_t seed = pixel_seed(index % lights, 0U, context_.seed ^ photon_seed), sample = index / lights;
         Photon photon;
         if (!start(light, seed, sample, photon)) return;
+        const Vec3 first_reflection = photon.surface.position;
         for (uint32_t reflection = 0; reflection < most_reflections_; ++reflection) {
             if (!scatter(seed, sample, reflection, photon)) return;
             const Hit hit = context_.accelerator.intersect({photon.origin, photon.direction});
@@ -46,7 +48,11 @@ class PhotonTracer {
             photon.wi = -photon.direction;
             const BsdfParameters<float>& bsdf = photon.surface.bsdf;
             const bool narrow = is_narrow_metal(bsdf.metallic, bsdf.alpha, max_caster_alpha);
-            if (!narrow) landed.push_back(landing(photon, hit, reflection + 1));
+            if (!narrow) {
+                landed.push_back(landing(photon, hit, reflection + 1));
+                landed.back().light = light_index;
+                landed.back().first_reflection = first_reflection;
+            }
             if (!context_.surfaces.is_caster(hit.object)) return;
         }
     }

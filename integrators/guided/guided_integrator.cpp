@@ -7,6 +7,7 @@
 #include "integrators/guided/combined_worker.h"
 #include "integrators/guided/fraction_recorder.h"
 #include "integrators/guided/highlights.h"
+#include "integrators/guided/splatted_rays.h"
 #include "integrators/path/recorded_worker.h"
 #include "integrators/stopwatch.h"
 
@@ -16,9 +17,26 @@ namespace {
 
 /// Costs about a tenth of the samples and takes nearly all bright dots away: docs/guiding.md.
 constexpr uint32_t usual_light_path_per = 16;
+/// Where lobes are poor: most light comes by two and more reflections.
+constexpr uint32_t often_light_path_per = 4;
+constexpr double mostly_long = 0.5;
 
 /// Share of the photons that must land where the picture looks.
 constexpr double least_served = 1.0 / 256.0;
+
+/// Of the photons' light: by two and more reflections.
+double long_share(std::span<const CausticPhoton> photons) {
+    double power = 0.0, by_long_paths = 0.0;
+    for (const CausticPhoton& photon : photons) {
+        power += double{photon.power};
+        if (photon.reflections > 1) by_long_paths += double{photon.power};
+    }
+    return power > 0.0 ? by_long_paths / power : 0.0;
+}
+
+uint32_t light_path_per_for(std::span<const CausticPhoton> photons) {
+    return long_share(photons) > mostly_long ? often_light_path_per : usual_light_path_per;
+}
 
 template <class Mixture>
 std::optional<GuideFacts> facts_of(const MixtureCache<Mixture>& mixtures, const Vec3& position, const Vec3& normal) {
@@ -60,10 +78,12 @@ GuidedIntegrator::GuidedIntegrator(const RenderContext& context, const CasterRep
         statistics_.bytes = cache.bytes();
         if (!cache.lobes.empty()) kept = std::make_unique<MixtureCache<Mixture>>(std::move(cache), options);
     };
+    std::vector<CausticPhoton> photons;
     if (settings.lobe == LobeKind::slope) {
         SlopeMixtureOptions options;
         options.warp = settings.slope_warp;
         MadeSlopeCache made = make_slope_cache(context, found, highlights.mirrors, settings, statistics_);
+        photons = std::move(made.photons);
         keep(slope_lobes_, std::move(made.cache), options);
         if (slope_lobes_ && !settings.guide_fraction) {
             learner_ = std::make_unique<FractionLearner>(slope_lobes_->cache, std::move(made.expected));
@@ -75,8 +95,8 @@ GuidedIntegrator::GuidedIntegrator(const RenderContext& context, const CasterRep
         statistics_.seconds_lobes = stopwatch.lap();
     }
     const uint32_t light_path_per =
-        settings.light_path_per.value_or(light_paths_pay(casters) ? usual_light_path_per : 0);
-    if (light_path_per > 0) add_light_tracing(casters, view, light_path_per);
+        settings.light_path_per.value_or(light_paths_pay(casters) ? light_path_per_for(photons) : 0);
+    if (light_path_per > 0) add_light_tracing(casters, view, light_path_per, photons);
 }
 
 // Photons are light paths, so they tell what light paths will do: pay, where enough of them land on what is seen. A
@@ -92,9 +112,11 @@ bool GuidedIntegrator::light_paths_pay(const CasterReport& casters) const {
     return s.photons == 0 || static_cast<double>(s.served_photons) > least_served * static_cast<double>(s.photons);
 }
 
-void GuidedIntegrator::add_light_tracing(const CasterReport& casters, const GuidedView& view, uint32_t one_in) {
+void GuidedIntegrator::add_light_tracing(const CasterReport& casters, const GuidedView& view, uint32_t one_in,
+                                         std::span<const CausticPhoton> photons) {
     LightEmission emission(context_.scene, context_.lights, casters, EmissionAim::casters_only);
     if (!emission.emits()) return;
+    emission.learn(splatted_rays(context_, photons, view.crop));
     const auto samples = static_cast<float>(light_paths_per_sample(view.width, view.height, view.crop));
     light_tracing_ = std::make_unique<LightTracing>(
         LightTracing{context_, std::move(emission), CameraProjection(context_.camera_rays), view.crop,

@@ -10,6 +10,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 
 #include "guiding/film_guide.h"
 #include "integrators/guided/fraction_learner.h"
@@ -61,7 +62,9 @@ class GuidedIntegrator final : public Integrator {
 
   private:
     bool light_paths_pay(const CasterReport& casters) const;
-    void add_light_tracing(const CasterReport& casters, const GuidedView& view, uint32_t one_in);
+    /// `photons` tell where light paths should start.
+    void add_light_tracing(const CasterReport& casters, const GuidedView& view, uint32_t one_in,
+                           std::span<const CausticPhoton> photons);
 
     const RenderContext& context_;
     GuidedStatistics statistics_;

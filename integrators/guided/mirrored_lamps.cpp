@@ -90,9 +90,9 @@ class ChainGrid {
         const size_t column = cell % columns_, row = cell / columns_;
         float change = 0.0F;
         const auto compare = [&](bool exists, size_t other) {
-            const std::optional<Vec3> its =
-                exists && goes_alike(chains_[cell], chains_[other], length) ? deviation(chains_[other], length, light)
-                                                                            : std::nullopt;
+            const std::optional<Vec3> its = exists && goes_alike(chains_[cell], chains_[other], length)
+                                                ? deviation(chains_[other], length, light)
+                                                : std::nullopt;
             change = std::max(change, its ? glm::length(*its - *own) : change_at_edges);
         };
         compare(column > 0, cell - 1);
@@ -116,8 +116,8 @@ class ChainGrid {
                 context_.surfaces.interact(hit.object, hit.primitive, hit.u, hit.v, -direction);
             const float cosine = -glm::dot(s.shading_normal, direction);
             if (!(cosine > 0.0F)) return;
-            chain.vertices[chain.length++] = {s.position,    s.shading_normal, -direction,
-                                              hit.object, hit.primitive, s.bsdf.alpha};
+            chain.vertices[chain.length++] = {s.position, s.shading_normal, -direction,
+                                              hit.object, hit.primitive,    s.bsdf.alpha};
             direction = glm::normalize(direction + 2.0F * cosine * s.shading_normal);
             if (!(glm::dot(s.geometric_normal, direction) > 0.0F)) return;
             origin = offset_ray_origin(s.position, s.error, s.geometric_normal, direction);

@@ -85,7 +85,7 @@ class SlopeCacheMaker {
     }
 
   private:
-    MadeSlopeCache made() { return {std::move(cache_), std::move(expected_)}; }
+    MadeSlopeCache made() { return {std::move(cache_), std::move(expected_), std::move(photons_)}; }
 
     /// Of the receivers that have none yet.
     void make_lobes() {

@@ -6,13 +6,14 @@
 
 #include "guiding/odds_moments.h"
 #include "guiding/slope_mixture.h"
-#include "integrators/guided/guided_paths.h"
+#include "integrators/guided/caustic_photons.h"
 
 namespace nephroid {
 
 struct MadeSlopeCache {
     SlopeCache cache;
     std::vector<OddsMoments> expected;  ///< Of each point (expected_moments); empty: nothing has been tried.
+    std::vector<CausticPhoton> photons;
 };
 
 /// Cached points, and more of them (added to `found`) where photons show that these do not cover the light, and on
