@@ -10,6 +10,7 @@
 #include "pathcut/beam_search.h"
 #include "pathcut/cut_test.h"
 #include "pathcut/path_merging.h"
+#include "pathcut/path_visibility.h"
 #include "pathcut/skimming.h"
 #include "pathcut/slope_triangle.h"
 #include "pathcut/solver_timer.h"
@@ -421,16 +422,8 @@ class GroupSearch {
     void remove_occluded() {
         size_t kept = 0;
         for (FoundPath& path : found) {
-            PerVertex<SurfacePoint> points;
-            for (size_t i = 0; i < path.path.length; ++i) {
-                const SurfacePatch patch = reflectors_.patch(path.vertices[i].triangle);
-                const Vec2d barycentrics(path.vertices[i].b1, path.vertices[i].b2);
-                points[i] =
-                    surface_point(evaluate(patch, barycentrics).position, Vec3(patch.geometric_normal), patch.size);
-            }
-            const SpecularPathView view{options_.receiver_points[receivers_.order[path.receiver]],
-                                        std::span(points).first(path.path.length), light_.end(), double{light_.radius}};
-            path.path.occluded = !is_visible(*options_.accelerator, view);
+            const SurfacePoint& receiver = options_.receiver_points[receivers_.order[path.receiver]];
+            path.path.occluded = !is_visible(*options_.accelerator, reflectors_, receiver, path, light_);
             statistics.occluded += path.path.occluded ? 1 : 0;
             if (!path.path.occluded || options_.keep_occluded) found[kept++] = path;
         }

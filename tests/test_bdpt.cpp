@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <limits>
+#include <span>
 #include <thread>
 #include <utility>
 
@@ -206,6 +207,24 @@ TEST_CASE("emission: directions match their density (chi-square), aimed or not, 
             if (aim != EmissionAim::everywhere) CHECK(emission.aimed().aims(0));
         }
     }
+}
+
+TEST_CASE("emission: rays go where they were worth most, and a quarter of them everywhere as before") {
+    Scene scene = ball_on_floor();
+    scene.lights = {light_of(LightKind::point)};
+    const LightSet lights(scene);
+    LightEmission emission(scene, lights, find_casters(scene), EmissionAim::casters_only);
+    const auto towards = [&](const Vec3& p) { return glm::normalize(p - scene.lights[0].position); };
+    const Vec3 bright = towards({0.2F, 0.7F, 0.1F}), dark = towards({-0.2F, 0.8F, 0.2F});
+    const float before = emission.direction_pdf(0, bright);
+    REQUIRE(before > 0.0F);
+    CHECK(emission.direction_pdf(0, dark) == before);
+    emission.learn({});
+    CHECK(emission.direction_pdf(0, bright) == before);
+    const AimedRay ray{0, bright, 2.0F};
+    emission.learn(std::span(&ray, 1));
+    CHECK(emission.direction_pdf(0, bright) == doctest::Approx(before * (0.25F + 0.75F * 1024.0F)));
+    CHECK(emission.direction_pdf(0, dark) == doctest::Approx(0.25F * before));
 }
 
 TEST_CASE("emission of directional lights: rays per area match their density, aimed or not, learned or not") {

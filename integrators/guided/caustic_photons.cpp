@@ -40,6 +40,7 @@ class PhotonTracer {
         Photon photon;
         if (!start(light, seed, sample, photon)) return;
         const Vec3 first_reflection = photon.surface.position;
+        Vec3 second_reflection{0.0F};
         for (uint32_t reflection = 0; reflection < most_reflections_; ++reflection) {
             if (!scatter(seed, sample, reflection, photon)) return;
             const Hit hit = context_.accelerator.intersect({photon.origin, photon.direction});
@@ -52,7 +53,9 @@ class PhotonTracer {
                 landed.push_back(landing(photon, hit, reflection + 1));
                 landed.back().light = light_index;
                 landed.back().first_reflection = first_reflection;
+                landed.back().second_reflection = second_reflection;
             }
+            if (reflection == 0) second_reflection = photon.surface.position;
             if (!context_.surfaces.is_caster(hit.object)) return;
         }
     }

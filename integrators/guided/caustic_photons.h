@@ -16,8 +16,9 @@ struct CausticPhoton {
     float radiance = 0.0F;  ///< What a path traced from here along wi, on to the same vertices and to the light would
                             ///< bring, once, W/(m^2 sr) of luminance; from vertex to vertex by BSDF sampling.
     uint32_t reflections = 0;
-    uint32_t light = 0;           ///< Whose it is: index into Scene::lights.
-    Vec3 first_reflection{0.0F};  ///< Where it met the first caster.
+    uint32_t light = 0;  ///< Whose it is: index into Scene::lights.
+    Vec3 first_reflection{0.0F};
+    Vec3 second_reflection{0.0F};  ///< If there was one.
 };
 
 /// Follows `count` photons of up to `most_reflections` reflections at casters. They start at points spread evenly over

@@ -15,6 +15,9 @@ namespace {
 /// Film positions in a pixel that tell how much one of them deviates.
 constexpr uint32_t measured_positions = 32;
 
+/// Of one position by two and more reflections, over its radiance: measured on the Snail (docs/guiding.md).
+constexpr float longer_deviation = 4.0F;
+
 /// The lights of the pixel's highlights by one reflection, each once.
 std::vector<uint32_t> lights_of(const FilmGuide& film, const FilmGuide::Pixel& pixel) {
     std::vector<uint32_t> found;
@@ -68,7 +71,7 @@ std::vector<float> film_deviations(const RenderContext& context, std::span<const
     std::vector<float> deviations(film.pixels().size());
     tbb::parallel_for(size_t{0}, deviations.size(), [&](size_t i) {
         const FilmGuide::Pixel& pixel = film.pixels()[i];
-        const float longer = has_longer_paths(film, pixel) ? pixel.radiance : 0.0F;
+        const float longer = has_longer_paths(film, pixel) ? longer_deviation * pixel.radiance : 0.0F;
         deviations[i] = longer + static_cast<float>(measured_deviation(context, lights, film, pixel));
     });
     return deviations;

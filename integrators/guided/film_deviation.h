@@ -10,7 +10,7 @@
 namespace nephroid {
 
 /// Of each of film.pixels(), luminance in W/(m^2 sr): measured for light of one reflection, which costs two rays; for
-/// light of more, what its lobes bring.
+/// light of more, in proportion to what its lobes bring.
 std::vector<float> film_deviations(const RenderContext& context, std::span<const PathLight> lights,
                                    const FilmGuide& film);
 

@@ -1,4 +1,4 @@
-// Cached points on the casters themselves: where paths of two and more reflections meet the first of them.
+// Cached points on the casters themselves, for paths of two and more reflections.
 #pragma once
 
 #include <vector>
@@ -7,9 +7,9 @@
 
 namespace nephroid {
 
-/// Points where photons of two and more reflections were reflected last before they landed near a cached point: there
-/// camera paths need to know where the reflection before may be. About evenly spread, at most `most` of them; none
-/// where such photons bring next to nothing. Deterministic.
+/// Points where photons of two and more reflections that landed near a cached point were reflected last, which is where
+/// camera paths arrive, and where they were reflected for the second time, where lobes of one reflection lead on to the
+/// light. About evenly spread, at most `most` of them; none where such photons bring next to nothing. Deterministic.
 std::vector<Receiver> choose_reflector_points(const RenderContext& context, const std::vector<CausticPhoton>& photons,
                                               const std::vector<PhotonCoverage>& coverage, size_t most);
 
