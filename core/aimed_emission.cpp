@@ -92,6 +92,12 @@ float one_minus_cos(const Vec3& a, const Vec3& b) {
     return 0.5F * glm::dot(chord, chord);
 }
 
+/// Of a point from the line through `centre` along the unit vector `axis`.
+float squared_distance(const Vec3& axis, const Vec3& centre, const Vec3& point) {
+    const Vec3 across = glm::cross(point - centre, axis);
+    return glm::dot(across, across);
+}
+
 /// Bounds grow by this share, so that rounding leaves no vertex outside.
 constexpr float margin = 1.0F + 1e-4F;
 
@@ -130,8 +136,7 @@ AimedEmission::AimedEmission(const Scene& scene, const CasterReport& casters) : 
                 targets.across = light.direction;
                 targets.is_directional = true;
                 for (const Vec3& p : group.vertices) {
-                    const Vec3 offset = glm::cross(p - centre, light.direction);
-                    size = std::max(size, glm::dot(offset, offset));
+                    size = std::max(size, squared_distance(light.direction, centre, p));
                 }
                 add_region(targets, {centre, size * margin * margin});
                 continue;
@@ -170,32 +175,33 @@ const AimedEmission::Region& AimedEmission::choose(const Targets& targets, float
     return targets.regions[i];
 }
 
-bool AimedEmission::find_place(const Targets& targets, const Region& region, const Vec3& to, Vec2& place) {
-    if (targets.is_directional) {
-        const Vec3 offset = to - region.centre, across = glm::cross(offset, targets.across);
-        const float squared = glm::dot(across, across);
-        if (!(squared <= region.size)) return false;
-        const Triple<float> local = make_frame(to_triple(targets.across)).to_local(to_triple(offset));
-        place = {squared / region.size, turn_of(local)};
-        return true;
-    }
-    const float height = one_minus_cos(region.centre, to);
+bool AimedEmission::holds(const Targets& targets, const Region& region, const Vec3& to) {
+    if (targets.is_directional) return squared_distance(targets.across, region.centre, to) <= region.size;
     // Everything is inside a whole sphere, whatever rounding says.
-    if (!(height <= region.size) && region.size < 2.0F) return false;
+    return one_minus_cos(region.centre, to) <= region.size || region.size >= 2.0F;
+}
+
+Vec2 AimedEmission::place_in(const Targets& targets, const Region& region, const Vec3& to) {
+    if (targets.is_directional) {
+        const Triple<float> local = make_frame(to_triple(targets.across)).to_local(to_triple(to - region.centre));
+        return {squared_distance(targets.across, region.centre, to) / region.size, turn_of(local)};
+    }
     const Triple<float> local = make_frame(to_triple(region.centre)).to_local(to_triple(to));
-    place = {height / region.size, turn_of(local)};
-    return true;
+    return {one_minus_cos(region.centre, to) / region.size, turn_of(local)};
 }
 
 float AimedEmission::density(const Targets& targets, const Vec3& to) {
+    const bool has_learned = targets.cells.size() > 0;
     float sum = 0.0F;
     for (size_t i = 0; i < targets.regions.size(); ++i) {
         const Region& region = targets.regions[i];
-        Vec2 place;
-        if (!find_place(targets, region, to, place)) continue;
-        sum += targets.cells.size() > 0
-                   ? targets.cells.probability(i * cells_of_region + cell_at(place)) * cells_of_region / region.size
-                   : 1.0F / targets.total_size;
+        if (!holds(targets, region, to)) continue;
+        if (!has_learned) {
+            sum += 1.0F / targets.total_size;
+            continue;
+        }
+        const size_t cell = i * cells_of_region + cell_at(place_in(targets, region, to));
+        sum += targets.cells.probability(cell) * cells_of_region / region.size;
     }
     return sum;
 }
@@ -207,9 +213,10 @@ void AimedEmission::learn(std::span<const AimedRay> rays) {
         const Targets& targets = targets_[ray.light];
         worth[ray.light].resize(targets.regions.size() * cells_of_region);
         for (size_t i = 0; i < targets.regions.size(); ++i) {
-            Vec2 place;
-            if (!find_place(targets, targets.regions[i], ray.to, place)) continue;
-            worth[ray.light][i * cells_of_region + cell_at(place)] += double{ray.weight};
+            const Region& region = targets.regions[i];
+            if (!holds(targets, region, ray.to)) continue;
+            const uint32_t cell = cell_at(place_in(targets, region, ray.to));
+            worth[ray.light][i * cells_of_region + cell] += double{ray.weight};
         }
     }
     for (size_t light = 0; light < targets_.size(); ++light) {

@@ -70,8 +70,9 @@ class AimedEmission {
     static void add_region(Targets& targets, const Region& region);
     /// A region; `u` becomes the place in it.
     static const Region& choose(const Targets& targets, float u_choice, Vec2& u);
-    /// Where in the unit square of the region a direction or point lies; false: outside.
-    static bool find_place(const Targets& targets, const Region& region, const Vec3& to, Vec2& place);
+    /// Whether a direction or point lies in the region, and where in its unit square it then does: cheap and not.
+    static bool holds(const Targets& targets, const Region& region, const Vec3& to);
+    static Vec2 place_in(const Targets& targets, const Region& region, const Vec3& to);
     /// Sum over the regions of (density in the unit square) / (size of the region).
     static float density(const Targets& targets, const Vec3& to);
 
