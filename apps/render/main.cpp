@@ -153,6 +153,7 @@ GuidedSettings guided_settings(const Parameters& parameters, std::optional<doubl
     settings.search_seconds = number_of(parameters, "search_seconds");
     settings.bounces = static_cast<int>(number_of(parameters, "bounces"));
     settings.photons = number_of(parameters, "photons");
+    settings.refinements = static_cast<uint32_t>(number_of(parameters, "refinements"));
     settings.long_paths = parameters.at("long_paths") == "photons" ? LongPaths::photons : LongPaths::search;
     settings.lobe = parameters.at("lobe") == "slope" ? LobeKind::slope : LobeKind::spherical_gaussian;
     settings.acceptance.epsilon = number_of(parameters, "epsilon");

@@ -31,6 +31,8 @@ struct GuidedSettings {
     /// depend on the machine.
     double search_seconds = 5.0;
     double photons = 32.0;  ///< For each cached point: they tell where points are missing, and how much to guide.
+    /// So many times, points are added where photons are covered worst, at most a quarter as many as there are.
+    uint32_t refinements = 2;
     /// The search for paths ends at this time at the latest; none: when it is done.
     std::optional<std::chrono::steady_clock::time_point> search_end;
     int bounces = 2;  ///< Reflections of the longest paths; 1 .. max_chain_length. Photons: one, or any number.

@@ -68,8 +68,8 @@ float cached_area(const CachedPoint& point) {
     return footprint * footprint;
 }
 
-std::vector<Receiver> poorly_covered(const SlopeCache& cache, const std::vector<CausticPhoton>& photons,
-                                     const std::vector<PhotonCoverage>& coverage, size_t most) {
+PoorlyCovered poorly_covered(const SlopeCache& cache, const std::vector<CausticPhoton>& photons,
+                             const std::vector<PhotonCoverage>& coverage, size_t most) {
     std::vector<float> power(cache.points.size());
     for (size_t i = 0; i < photons.size(); ++i) {
         if (coverage[i].bsdf_pdf > 0.0F) power[coverage[i].nearest] += photons[i].power;
@@ -79,18 +79,24 @@ std::vector<Receiver> poorly_covered(const SlopeCache& cache, const std::vector<
         uint32_t photon;
     };
     std::vector<Candidate> candidates;
+    double smooth = 0.0, dots = 0.0;
     for (uint32_t i = 0; i < photons.size(); ++i) {
         if (photons[i].reflections != 1 || !(coverage[i].bsdf_pdf > 0.0F)) continue;
         const uint32_t nearest = coverage[i].nearest;
         const float irradiance = power[nearest] / cached_area(cache.points[nearest]);
         const float excess = coverage[i].sample_value(photons[i], told_fraction) - bright * irradiance;
-        if (excess > 0.0F) candidates.push_back({photons[i].power * excess, i});
+        smooth += double{photons[i].power} * double{irradiance};
+        if (!(excess > 0.0F)) continue;
+        dots += double{photons[i].power} * double{excess};
+        candidates.push_back({photons[i].power * excess, i});
     }
     std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
         return a.variance != b.variance ? a.variance > b.variance : a.photon < b.photon;
     });
     std::vector<uint8_t> taken(cache.points.size());
-    std::vector<Receiver> chosen;
+    PoorlyCovered found;
+    found.excess = smooth > 0.0 ? dots / smooth : 0.0;
+    std::vector<Receiver>& chosen = found.points;
     for (const Candidate& candidate : candidates) {
         if (chosen.size() >= most) break;
         const uint32_t nearest = coverage[candidate.photon].nearest;
@@ -100,7 +106,7 @@ std::vector<Receiver> poorly_covered(const SlopeCache& cache, const std::vector<
         // Half as far from each other as the points before.
         chosen.back().footprint = 0.5F * cache.points[nearest].reach / reach_in_footprints;
     }
-    return chosen;
+    return found;
 }
 
 }  // namespace nephroid

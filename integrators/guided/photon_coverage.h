@@ -28,9 +28,16 @@ std::vector<PhotonCoverage> measure_coverage(const SlopeCache& cache, const Slop
 /// About the area that a cached point stands for, m^2.
 float cached_area(const CachedPoint& point);
 
+/// Where a cache needs more points.
+struct PoorlyCovered {
+    std::vector<Receiver> points;
+    /// What bright dots add to the second moment of a sample, as a multiple of the squared mean, over the photons.
+    double excess = 0.0;
+};
+
 /// Photons of one reflection that would be bright dots, and whose light is worth a cached point of their own: those
 /// that add most to the variance, `most` of them at the most.
-std::vector<Receiver> poorly_covered(const SlopeCache& cache, const std::vector<CausticPhoton>& photons,
-                                     const std::vector<PhotonCoverage>& coverage, size_t most);
+PoorlyCovered poorly_covered(const SlopeCache& cache, const std::vector<CausticPhoton>& photons,
+                             const std::vector<PhotonCoverage>& coverage, size_t most);
 
 }  // namespace nephroid

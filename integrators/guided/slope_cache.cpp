@@ -23,8 +23,11 @@ constexpr float least_weight_share = 0.003F;
 /// Until moments have told a better one.
 constexpr float trial_fraction = 0.5F;
 
-/// At most so many points are added, as a share of those before.
+/// At most so many points are added in a round, as a share of those before.
 constexpr float most_added = 0.25F;
+
+/// Where dots bring less than that (PoorlyCovered::excess), another round takes more time than noise away.
+constexpr double least_excess = 8.0;
 
 /// The same for points on reflectors, and for those of them where the camera sees lamps mirrored twice.
 constexpr float most_reflector_points = 0.0625F, most_mirrors = 0.03125F;
@@ -119,10 +122,12 @@ class SlopeCacheMaker {
     }
 
     void add_points() {
-        if (is_over()) return;
-        const std::vector<Receiver> more = poorly_covered(cache_, photons_, coverage_, most(most_added));
-        statistics_.added_points = more.size();
-        add(more);
+        for (uint32_t round = 0; round < settings_.refinements && !is_over(); ++round) {
+            const PoorlyCovered poor = poorly_covered(cache_, photons_, coverage_, most(most_added));
+            if (poor.points.empty() || poor.excess < least_excess) return;
+            statistics_.added_points += poor.points.size();
+            add(poor.points);
+        }
     }
 
     void add_reflector_points() {
