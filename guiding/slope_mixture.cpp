@@ -139,7 +139,7 @@ NEPHROID_FLATTEN void SlopeMixtures::warp() {
     const FloatV zero(0.0F);
     for (size_t i = 0; i < lobe_count_; i += simd_width) {
         const auto active = first_lanes(lobe_count_ - i);
-        const CachedSlopeLobe<FloatV> cached = cache_.lobes.gather(UintV(&cached_[i], stdx::vector_aligned), active);
+        const CachedSlopeLobe<FloatV> cached = cache_.lobes.gather(&cached_[i], lobe_count_ - i);
         const auto load = [i](const Array& array) { return FloatV(&array[i], stdx::vector_aligned); };
         const SlopeLobe<FloatV> lobe = warped(cached, {load(to_x_), load(to_y_), load(to_z_)},
                                               {load(from_x_), load(from_y_), load(from_z_)}, options_.warp);
@@ -174,7 +174,7 @@ NEPHROID_FLATTEN void SlopeMixtures::multiply() {
     const FloatV zero(0.0F);
     for (size_t i = 0; i < lobe_count_; i += simd_width) {
         const auto active = first_lanes(lobe_count_ - i);
-        const GlossyView<FloatV> view = views_.gather(UintV(&mixture_[i], stdx::vector_aligned), active);
+        const GlossyView<FloatV> view = views_.gather(&mixture_[i], lobe_count_ - i);
         const auto glossy = active && (view.alpha > zero);
         if (!any_of(glossy)) continue;
         const auto load = [i](const Array& array) { return FloatV(&array[i], stdx::vector_aligned); };
