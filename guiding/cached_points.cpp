@@ -115,11 +115,12 @@ size_t CachedPointLookup::find(const Vec3& position, const Vec3& normal, std::sp
     return find_in_cell(nodes_.child[node], position, normal, found);
 }
 
-NEPHROID_FLATTEN void CachedPointLookup::find_cells(const TripleArray& positions, size_t count,
-                                                    PathArray<uint32_t>& cells) const {
+NEPHROID_FLATTEN void CachedPointLookup::find_cells(const TripleArray& positions, const PathArray<float>& wanted,
+                                                    size_t count, PathArray<uint32_t>& cells) const {
     for (size_t i = 0; i < count; i += simd_width) {
         const Triple<FloatV> position = positions.load(i);
-        auto active = first_lanes(blocks_.empty() ? 0 : count - i);
+        auto active =
+            first_lanes(blocks_.empty() ? 0 : count - i) && (FloatV(&wanted[i], stdx::vector_aligned) != FloatV(0.0F));
         UintV node(0U);
         UintV cell(0U);
         while (stdx::any_of(active)) {

@@ -42,8 +42,10 @@ class CachedPointLookup {
     /// fewer. Returns how many. Deterministic.
     size_t find(const Vec3& position, const Vec3& normal, std::span<FoundPoint> found) const;
 
-    /// The same in two steps, for many positions: their cells, `count` of them, vector by vector; then the points.
-    void find_cells(const TripleArray& positions, size_t count, PathArray<uint32_t>& cells) const;
+    /// The same in two steps, for many positions: their cells, vector by vector, of the first `count` positions where
+    /// `wanted` is not zero, and cell 0 elsewhere; then the points.
+    void find_cells(const TripleArray& positions, const PathArray<float>& wanted, size_t count,
+                    PathArray<uint32_t>& cells) const;
     /// A cell that will soon be asked.
     void prefetch(uint32_t cell) const {
         if (blocks_.empty()) return;

@@ -61,7 +61,7 @@ class CachedGuide final : public DirectionalGuide {
 
         void guide(const GuidePoints& points, GuideBatch& batch) override {
             if (cells_.size() < batch.count) cells_ = PathArray<uint32_t>(batch.count);
-            lookup_.find_cells(points.position, batch.count, cells_);
+            lookup_.find_cells(points.position, batch.fraction, batch.count, cells_);
             size_t next = 0;
             while (next < batch.count) {
                 next = collect_group(points, batch, next);
