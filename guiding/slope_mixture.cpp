@@ -95,6 +95,8 @@ void SlopeMixtures::add(std::span<const FoundPoint> found, const GuideVertex& ve
 
 void SlopeMixtures::look_from(const GuideVertex& vertex, Mixture& mixture) {
     if (mixture.is_glossy) {
+        // Those before have no view; what an earlier group left there would be multiplied.
+        for (size_t k = 0; k + 1 < size_ && !has_glossy_; ++k) views_.set(k, {});
         const Frame<float> frame = make_frame(to_triple(vertex.shading_normal));
         views_.set(size_ - 1, make_glossy_view(vertex.bsdf, to_triple(vertex.wo), frame));
         has_glossy_ = true;
