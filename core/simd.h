@@ -153,7 +153,7 @@ inline void compress_store(uint32_t* to, const UintV& values, const FloatV::mask
 }
 
 /// The first simd_width floats of each row, by column: lane r of the c-th vector is rows[r][c]. Whole rows are read and
-/// turned, which costs a tenth of gathering them float by float.
+/// turned, which is cheaper than gathering float by float.
 inline std::array<FloatV, simd_width> load_transposed(const std::array<const float*, simd_width>& rows) {
     std::array<FloatV, simd_width> columns;
 #if defined(__AVX512F__)
