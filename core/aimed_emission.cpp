@@ -114,8 +114,23 @@ uint32_t cell_at(const Vec2& place) {
     return index(place.y) * cells_across + index(place.x);
 }
 
-/// In turns, [0, 1].
+/// In turns, to 2e-6 (Abramowitz and Stegun 1964, 4.4.49); NaN on the axis.
+float rough_turn_of(const Triple<float>& local) {
+    const float x = std::abs(local.x), y = std::abs(local.y);
+    const float r = std::min(x, y) / std::max(x, y), r2 = r * r;
+    const float angle =
+        r * (0.9998660F + r2 * (-0.3302995F + r2 * (0.1801410F + r2 * (-0.0851330F + r2 * 0.0208351F))));
+    const float eighth = angle * (0.5F * inv_pi);
+    const float quarter = x >= y ? eighth : 0.25F - eighth;
+    const float half = local.x >= 0.0F ? quarter : 0.5F - quarter;
+    return local.y >= 0.0F ? half : 1.0F - half;
+}
+
+/// In turns, [0, 1]: so far from the cells' bounds that the cell is the right one, or exact.
 float turn_of(const Triple<float>& local) {
+    constexpr float least_distance = 1e-3F;  // In cells.
+    const float rough = rough_turn_of(local), cells = rough * cells_across;
+    if (std::abs(cells - std::floor(cells) - 0.5F) < 0.5F - least_distance) return rough;
     const float turn = std::atan2(local.y, local.x) * (0.5F * inv_pi);
     return turn < 0.0F ? turn + 1.0F : turn;
 }

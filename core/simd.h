@@ -4,6 +4,7 @@
 // SSE2). The overloads below give float and FloatV the same vocabulary: select instead of if, any(), sqrt, ...
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -149,6 +150,44 @@ inline void compress_store(uint32_t* to, const UintV& values, const FloatV::mask
         to += kept[lane] ? 1 : 0;
     }
 #endif
+}
+
+/// The first simd_width floats of each row, by column: lane r of the c-th vector is rows[r][c]. Whole rows are read and
+/// turned, which is cheaper than gathering float by float.
+inline std::array<FloatV, simd_width> load_transposed(const std::array<const float*, simd_width>& rows) {
+    std::array<FloatV, simd_width> columns;
+#if defined(__AVX512F__)
+    // First pairs of rows, then four rows: their 4 x 4 squares are turned, each inside a quarter of the vectors.
+    __m512 pairs[16], squares[16];
+#pragma GCC unroll 8
+    for (size_t r = 0; r < 16; r += 2) {
+        const __m512 even = _mm512_loadu_ps(rows[r]), odd = _mm512_loadu_ps(rows[r + 1]);
+        pairs[r] = _mm512_unpacklo_ps(even, odd);
+        pairs[r + 1] = _mm512_unpackhi_ps(even, odd);
+    }
+#pragma GCC unroll 8
+    for (size_t r = 0; r < 16; r += 2) {
+        const size_t first = r / 4 * 4 + r % 4 / 2;
+        const __m512d upper = _mm512_castps_pd(pairs[first]), lower = _mm512_castps_pd(pairs[first + 2]);
+        squares[r] = _mm512_castpd_ps(_mm512_unpacklo_pd(upper, lower));
+        squares[r + 1] = _mm512_castpd_ps(_mm512_unpackhi_pd(upper, lower));
+    }
+    // Then the quarters change places.
+#pragma GCC unroll 4
+    for (size_t c = 0; c < 4; ++c) {
+        const __m512 left1 = _mm512_shuffle_f32x4(squares[c], squares[c + 4], 0x44);
+        const __m512 left2 = _mm512_shuffle_f32x4(squares[c + 8], squares[c + 12], 0x44);
+        const __m512 right1 = _mm512_shuffle_f32x4(squares[c], squares[c + 4], 0xEE);
+        const __m512 right2 = _mm512_shuffle_f32x4(squares[c + 8], squares[c + 12], 0xEE);
+        columns[c] = FloatV(_mm512_shuffle_f32x4(left1, left2, 0x88));
+        columns[c + 4] = FloatV(_mm512_shuffle_f32x4(left1, left2, 0xDD));
+        columns[c + 8] = FloatV(_mm512_shuffle_f32x4(right1, right2, 0x88));
+        columns[c + 12] = FloatV(_mm512_shuffle_f32x4(right1, right2, 0xDD));
+    }
+#else
+    for (size_t c = 0; c < simd_width; ++c) columns[c] = FloatV([&](auto lane) { return rows[lane][c]; });
+#endif
+    return columns;
 }
 
 inline size_t count_of(const FloatV::mask_type& mask) {

@@ -53,7 +53,7 @@ CachedPointLookup::CachedPointLookup(const std::vector<CachedPoint>& points) {
     std::vector<uint32_t> order(points.size());
     std::iota(order.begin(), order.end(), 0U);
     const std::vector<uint32_t> all = order;
-    resize_nodes(1);
+    nodes_.resize(1);
     build(points, order, all, 0);
 }
 
@@ -68,26 +68,18 @@ void CachedPointLookup::build(const std::vector<CachedPoint>& points, std::span<
     const size_t wanted = is_cell ? block_size : std::max<size_t>(4 * own.size(), 4 * block_size);
     const std::vector<uint32_t> near = nearest_candidates(points, box, candidates, wanted);
     if (is_cell) {
-        nodes_.child[node] = static_cast<uint32_t>(blocks_.size());
+        nodes_[node].link = static_cast<uint32_t>(blocks_.size()) << Node::axis_bit_count | Node::cell;
         blocks_.push_back(make_block(points, near));
         return;
     }
     const auto second =
         std::partition(own.begin(), own.end(), [&](uint32_t i) { return points[i].position[axis] < middle; });
     const auto first_count = static_cast<size_t>(second - own.begin());
-    const auto child = static_cast<uint32_t>(nodes_.at.size());
-    nodes_.at[node] = middle;
-    nodes_.axis[node] = static_cast<uint32_t>(axis);
-    nodes_.child[node] = child;
-    resize_nodes(child + size_t{2});
+    const auto child = static_cast<uint32_t>(nodes_.size());
+    nodes_[node] = {middle, child << Node::axis_bit_count | static_cast<uint32_t>(axis)};
+    nodes_.resize(child + size_t{2});
     build(points, own.first(first_count), near, child);
     build(points, own.subspan(first_count), near, child + 1);
-}
-
-void CachedPointLookup::resize_nodes(size_t size) {
-    nodes_.at.resize(size, 0.0F);
-    nodes_.axis.resize(size, cell_axis);
-    nodes_.child.resize(size, 0U);
 }
 
 CachedPointLookup::Block CachedPointLookup::make_block(const std::vector<CachedPoint>& points,
@@ -107,29 +99,32 @@ CachedPointLookup::Block CachedPointLookup::make_block(const std::vector<CachedP
 
 size_t CachedPointLookup::find(const Vec3& position, const Vec3& normal, std::span<FoundPoint> found) const {
     if (blocks_.empty()) return 0;
-    size_t node = 0;
-    while (nodes_.axis[node] != cell_axis) {
-        const bool second = !(position[static_cast<int>(nodes_.axis[node])] < nodes_.at[node]);
-        node = nodes_.child[node] + (second ? 1U : 0U);
+    Node node = nodes_[0];
+    while (node.axis() != Node::cell) {
+        const bool second = !(position[static_cast<int>(node.axis())] < node.at);
+        node = nodes_[node.child() + (second ? 1U : 0U)];
     }
-    return find_in_cell(nodes_.child[node], position, normal, found);
+    return find_in_cell(node.child(), position, normal, found);
 }
 
-NEPHROID_FLATTEN void CachedPointLookup::find_cells(const TripleArray& positions, size_t count,
-                                                    PathArray<uint32_t>& cells) const {
+NEPHROID_FLATTEN void CachedPointLookup::find_cells(const TripleArray& positions, const PathArray<float>& wanted,
+                                                    size_t count, PathArray<uint32_t>& cells) const {
     for (size_t i = 0; i < count; i += simd_width) {
         const Triple<FloatV> position = positions.load(i);
-        auto active = first_lanes(blocks_.empty() ? 0 : count - i);
+        auto active =
+            first_lanes(blocks_.empty() ? 0 : count - i) && (FloatV(&wanted[i], stdx::vector_aligned) != FloatV(0.0F));
         UintV node(0U);
         UintV cell(0U);
         while (stdx::any_of(active)) {
-            const FloatV axis = stdx::static_simd_cast<FloatV>(gather(nodes_.axis.data(), node, active));
-            const UintV child = gather(nodes_.child.data(), node, active);
-            const FloatV at = gather(nodes_.at.data(), node, active);
+            const UintV fields = node * static_cast<uint32_t>(sizeof(Node) / sizeof(float));
+            const FloatV at = gather(&nodes_.data()->at, fields, active);
+            const UintV link = gather(&nodes_.data()->link, fields, active);
+            const FloatV axis = stdx::static_simd_cast<FloatV>(link & uint32_t{Node::axis_bits});
+            const UintV child = link >> static_cast<int>(Node::axis_bit_count);
             const FloatV coordinate =
                 select(axis == FloatV(0.0F), position.x, select(axis == FloatV(1.0F), position.y, position.z));
             const FloatV second = select(coordinate < at, FloatV(0.0F), FloatV(1.0F));
-            const auto arrived = axis == FloatV(float{cell_axis});
+            const auto arrived = axis == FloatV(float{Node::cell});
             node = child + stdx::static_simd_cast<UintV>(second);
             const auto arrived_now =
                 stdx::static_simd_cast<UintV>(select(arrived && active, FloatV(1.0F), FloatV(0.0F)));
@@ -173,7 +168,7 @@ size_t CachedPointLookup::find_in_cell(uint32_t cell, const Vec3& position, cons
 }
 
 size_t CachedPointLookup::bytes() const {
-    return nodes_.at.size() * 3 * sizeof(float) + blocks_.size() * sizeof(Block);
+    return nodes_.size() * sizeof(Node) + blocks_.size() * sizeof(Block);
 }
 
 }  // namespace nephroid

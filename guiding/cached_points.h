@@ -15,7 +15,8 @@
 
 namespace nephroid {
 
-struct CachedPoint {
+/// In a cache line of its own.
+struct alignas(64) CachedPoint {
     Vec3 position{0.0F};            ///< World space, metres.
     Vec3 normal{0.0F, 1.0F, 0.0F};  ///< Unit geometric normal, on the side that the point is for.
     float reach = 0.0F;             ///< Metres: the point serves no shading point further away.
@@ -42,8 +43,10 @@ class CachedPointLookup {
     /// fewer. Returns how many. Deterministic.
     size_t find(const Vec3& position, const Vec3& normal, std::span<FoundPoint> found) const;
 
-    /// The same in two steps, for many positions: their cells, `count` of them, vector by vector; then the points.
-    void find_cells(const TripleArray& positions, size_t count, PathArray<uint32_t>& cells) const;
+    /// The same in two steps, for many positions: their cells, vector by vector, of the first `count` positions where
+    /// `wanted` is not zero, and cell 0 elsewhere; then the points.
+    void find_cells(const TripleArray& positions, const PathArray<float>& wanted, size_t count,
+                    PathArray<uint32_t>& cells) const;
     /// A cell that will soon be asked.
     void prefetch(uint32_t cell) const {
         if (blocks_.empty()) return;
@@ -65,18 +68,18 @@ class CachedPointLookup {
     };
     void build(const std::vector<CachedPoint>& points, std::span<uint32_t> own, std::span<const uint32_t> candidates,
                size_t node);
-    void resize_nodes(size_t size);
     static Block make_block(const std::vector<CachedPoint>& points, const std::vector<uint32_t>& indices);
 
-    /// The tree's nodes, field by field.
-    struct Nodes {
-        std::vector<float> at;        ///< Points whose coordinate is below lie under the first child.
-        std::vector<uint32_t> axis;   ///< `cell_axis`: a cell, whose block is `child`.
-        std::vector<uint32_t> child;  ///< The first child; the second follows it.
-    };
-    static constexpr uint32_t cell_axis = 3;
+    struct Node {
+        float at = 0.0F;       ///< Points whose coordinate is below lie under the first child.
+        uint32_t link = cell;  ///< The axis in the lowest bits, the first child above them; the second follows it.
 
-    Nodes nodes_;
+        uint32_t axis() const { return link & axis_bits; }  ///< `cell`: a cell, whose block is `child`.
+        uint32_t child() const { return link >> axis_bit_count; }
+        static constexpr uint32_t axis_bit_count = 2, axis_bits = 3, cell = 3;
+    };
+
+    std::vector<Node> nodes_;
     std::vector<Block> blocks_;
 };
 

@@ -43,8 +43,11 @@ struct GuideBatch {
     PathArray<float> pdf;                      ///< The mixture's density of `direction`, per solid angle.
     PathArray<float> light_pdf;                ///< The same of light_direction.
     PathArray<float> guided;                   ///< 1: the direction is the guide's; also where fraction is zero.
-    PathArray<uint32_t> place;                 ///< For observers: the cached point that `fraction` is of.
-    static constexpr uint32_t no_place = ~0U;  ///< It is of none, but of the vertex itself.
+    PathArray<uint32_t> place;                 ///< The cached point, or the like, that `fraction` is of.
+    static constexpr uint32_t no_place = ~0U;  ///< It is of none, but of the vertex itself as it is seen from wo.
+
+    /// Whether the answer would be the same for any other wo.
+    bool holds_for_any_wo(size_t k) const { return fraction[k] > 0.0F && place[k] != no_place; }
 };
 
 /// A vertex of a camera path: what a mixture may depend on.

@@ -1,9 +1,11 @@
 // Structures of floats, each in cache lines of its own: read whole, from wherever they lie, as lanes of vectors.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "core/simd.h"
@@ -36,12 +38,20 @@ class LineArray {
             __builtin_prefetch(reinterpret_cast<const std::byte*>(&lines_[i]) + line);
         }
     }
-    /// Those at `index`, where active; zero elsewhere.
-    Structure<FloatV> gather(const UintV& index, const FloatV::mask_type& active) const {
-        const auto* first = reinterpret_cast<const float*>(lines_.data());
-        const UintV at = index * static_cast<uint32_t>(sizeof(Lines) / sizeof(float));
+    /// Those at the first `count` of the indices, at least one; behind them the first one again.
+    Structure<FloatV> gather(const uint32_t* index, size_t count) const {
+        std::array<const float*, simd_width> rows;
+        for (size_t lane = 0; lane < simd_width; ++lane) {
+            rows[lane] = reinterpret_cast<const float*>(&lines_[index[lane < count ? lane : 0]]);
+        }
         std::array<FloatV, fields> values;
-        for (size_t f = 0; f < fields; ++f) values[f] = nephroid::gather(first + f, at, active);
+        // Up to the end of the last line: vectors are no longer than lines.
+#pragma GCC unroll 4
+        for (size_t first = 0; first < fields; first += simd_width) {
+            const std::array<FloatV, simd_width> columns = load_transposed(rows);
+            for (size_t f = first; f < std::min(first + simd_width, fields); ++f) values[f] = columns[f - first];
+            for (const float*& row : rows) row += simd_width;
+        }
         return std::bit_cast<Structure<FloatV>>(values);
     }
 

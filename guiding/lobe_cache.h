@@ -57,11 +57,13 @@ class CachedGuide final : public DirectionalGuide {
   private:
     class Worker final : public GuideWorker {
       public:
-        Worker(const Cache& cache, const Options& options) : lookup_(cache.lookup), mixtures_(cache, options) {}
+        Worker(const Cache& cache, const Options& options)
+            : lookup_(cache.lookup), points_(cache.points), mixtures_(cache, options) {}
 
         void guide(const GuidePoints& points, GuideBatch& batch) override {
             if (cells_.size() < batch.count) cells_ = PathArray<uint32_t>(batch.count);
-            lookup_.find_cells(points.position, batch.count, cells_);
+            lookup_.find_cells(points.position, batch.fraction, batch.count, cells_);
+            found_end_ = 0;
             size_t next = 0;
             while (next < batch.count) {
                 next = collect_group(points, batch, next);
@@ -72,7 +74,31 @@ class CachedGuide final : public DirectionalGuide {
 
       private:
         static constexpr float largest_below_one = 0x1.fffffep-1F;
-        static constexpr size_t cells_ahead = 8;  ///< Of look-ups: memory's latency.
+        // Memory's latency: cells are fetched so many vertices before cached points are found in them, and these so
+        // many before their lobes are.
+        static constexpr size_t cells_ahead = 8, points_ahead = 4;
+
+        /// Cached points near a vertex.
+        struct Found {
+            std::array<FoundPoint, Mixtures::most_points> points;
+            size_t count = 0;
+        };
+
+        Found& found_at(size_t k) { return found_[k % found_.size()]; }
+
+        /// Cached points near the vertices before `end`.
+        void find_points(const GuidePoints& points, const GuideBatch& batch, size_t end) {
+            for (; found_end_ < end; ++found_end_) {
+                const size_t k = found_end_;
+                if (k + cells_ahead < batch.count) lookup_.prefetch(cells_[k + cells_ahead]);
+                Found& found = found_at(k);
+                found.count = 0;
+                if (batch.fraction[k] == 0.0F) continue;
+                found.count = lookup_.find_in_cell(cells_[k], points.position.get(k), points.geometric_normal.get(k),
+                                                   found.points);
+                for (size_t i = 0; i < found.count; ++i) __builtin_prefetch(&points_[found.points[i].index]);
+            }
+        }
 
         /// Shading points from `first` on until the group is full; returns the next one.
         size_t collect_group(const GuidePoints& points, GuideBatch& batch, size_t first) {
@@ -80,15 +106,13 @@ class CachedGuide final : public DirectionalGuide {
             group_size_ = 0;
             size_t k = first;
             for (; k < batch.count && !mixtures_.is_full(); ++k) {
-                if (k + cells_ahead < batch.count) lookup_.prefetch(cells_[k + cells_ahead]);
+                find_points(points, batch, std::min(k + points_ahead, batch.count));
+                const Found& found = found_at(k);
                 batch.guided[k] = 0.0F;
-                if (batch.fraction[k] == 0.0F) continue;
-                const GuideVertex vertex = points.get(k);
-                const size_t count = lookup_.find_in_cell(cells_[k], vertex.position, vertex.geometric_normal, found_);
                 batch.fraction[k] = 0.0F;
-                if (count == 0) continue;
-                mixtures_.add(std::span(found_).first(count), vertex);
-                nearest_[group_size_] = found_[0].index;
+                if (found.count == 0) continue;
+                mixtures_.add(std::span(found.points).first(found.count), points.get(k));
+                nearest_[group_size_] = found.points[0].index;
                 group_[group_size_++] = static_cast<uint32_t>(k);
             }
             return k;
@@ -109,9 +133,11 @@ class CachedGuide final : public DirectionalGuide {
         }
 
         const CachedPointLookup& lookup_;
+        const std::vector<CachedPoint>& points_;
         Mixtures mixtures_;
         PathArray<uint32_t> cells_{0};
-        std::array<FoundPoint, Mixtures::most_points> found_;
+        std::array<Found, points_ahead> found_;
+        size_t found_end_ = 0;  ///< Vertices before have been found; of the last of them, `found_` tells.
         std::array<uint32_t, Mixtures::most_mixtures> group_;    ///< Vertices of the batch.
         std::array<uint32_t, Mixtures::most_mixtures> nearest_;  ///< Cached point of each.
         size_t group_size_ = 0;

@@ -14,7 +14,9 @@ class SdTreeWorker final : public GuideWorker {
         for (size_t k = 0; k < batch.count; ++k) {
             batch.guided[k] = 0.0F;
             if (batch.fraction[k] == 0.0F) continue;
-            const SdTree::Leaf& leaf = tree_.leaf(tree_.leaf_at(points.position.get(k)));
+            const uint32_t place = tree_.leaf_at(points.position.get(k));
+            const SdTree::Leaf& leaf = tree_.leaf(place);
+            batch.place[k] = place;
             batch.fraction[k] = leaf.energy > 0.0 ? 1.0F - leaf.bsdf_fraction : 0.0F;
             if (batch.fraction[k] > 0.0F) choose_direction(leaf, points, batch, k);
         }

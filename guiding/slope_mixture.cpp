@@ -59,11 +59,11 @@ SlopeMixtures::SlopeMixtures(const Cache& cache, const Options& options)
       weight_(lobe_[0].size()),
       density_(lobe_[0].size()),
       views_(most_mixtures),
-      product_(nine_arrays(cached_.size())),
-      product_density_(cached_.size()),
-      own_weight_(cached_.size()),
-      product_weight_(cached_.size()),
-      bsdf_weight_(cached_.size()) {}
+      product_(nine_arrays(cached_.size() + simd_width)),
+      product_density_(product_[0].size()),
+      own_weight_(product_[0].size()),
+      product_weight_(product_[0].size()),
+      bsdf_weight_(product_[0].size()) {}
 
 void SlopeMixtures::clear() {
     size_ = 0;
@@ -95,6 +95,8 @@ void SlopeMixtures::add(std::span<const FoundPoint> found, const GuideVertex& ve
 
 void SlopeMixtures::look_from(const GuideVertex& vertex, Mixture& mixture) {
     if (mixture.is_glossy) {
+        // Those before have no view; what an earlier group left there would be multiplied.
+        for (size_t k = 0; k + 1 < size_ && !has_glossy_; ++k) views_.set(k, {});
         const Frame<float> frame = make_frame(to_triple(vertex.shading_normal));
         views_.set(size_ - 1, make_glossy_view(vertex.bsdf, to_triple(vertex.wo), frame));
         has_glossy_ = true;
@@ -139,7 +141,7 @@ NEPHROID_FLATTEN void SlopeMixtures::warp() {
     const FloatV zero(0.0F);
     for (size_t i = 0; i < lobe_count_; i += simd_width) {
         const auto active = first_lanes(lobe_count_ - i);
-        const CachedSlopeLobe<FloatV> cached = cache_.lobes.gather(UintV(&cached_[i], stdx::vector_aligned), active);
+        const CachedSlopeLobe<FloatV> cached = cache_.lobes.gather(&cached_[i], lobe_count_ - i);
         const auto load = [i](const Array& array) { return FloatV(&array[i], stdx::vector_aligned); };
         const SlopeLobe<FloatV> lobe = warped(cached, {load(to_x_), load(to_y_), load(to_z_)},
                                               {load(from_x_), load(from_y_), load(from_z_)}, options_.warp);
@@ -174,7 +176,7 @@ NEPHROID_FLATTEN void SlopeMixtures::multiply() {
     const FloatV zero(0.0F);
     for (size_t i = 0; i < lobe_count_; i += simd_width) {
         const auto active = first_lanes(lobe_count_ - i);
-        const GlossyView<FloatV> view = views_.gather(UintV(&mixture_[i], stdx::vector_aligned), active);
+        const GlossyView<FloatV> view = views_.gather(&mixture_[i], lobe_count_ - i);
         const auto glossy = active && (view.alpha > zero);
         if (!any_of(glossy)) continue;
         const auto load = [i](const Array& array) { return FloatV(&array[i], stdx::vector_aligned); };
@@ -216,24 +218,30 @@ void SlopeMixtures::weigh_glossy(Mixture& mixture) {
     keep_heavy(mixture, least_glossy_share * guided);
 }
 
-// Lobes and products of at least that weight become the mixture.
+// Lobes and products of more than that weight become the mixture.
 void SlopeMixtures::keep_heavy(Mixture& mixture, float least_weight) {
-    const size_t first = kept_end_, begin = mixture.first_lobe, end = begin + mixture.lobe_count;
-    for (size_t i = begin; i < end; ++i) {
-        if (own_weight_[i] > least_weight) keep(lobe_, i, own_weight_[i], density_[i]);
-    }
-    for (size_t i = begin; i < end; ++i) {
-        if (product_weight_[i] > least_weight) keep(product_, i, product_weight_[i], product_density_[i]);
-    }
+    const size_t first = kept_end_;
+    keep_heavy(mixture, lobe_, own_weight_, density_, least_weight);
+    keep_heavy(mixture, product_, product_weight_, product_density_, least_weight);
     mixture.first_lobe = static_cast<uint32_t>(first);
     mixture.lobe_count = static_cast<uint32_t>(kept_end_ - first);
     normalise(mixture, std::accumulate(&weight_[first], &weight_[kept_end_], 0.0F));
 }
 
-void SlopeMixtures::keep(const std::array<Array, 9>& lobes, size_t i, float weight, float determinant) {
-    for (size_t f = 0; f < lobe_.size(); ++f) lobe_[f][kept_end_] = lobes[f][i];
-    weight_[kept_end_] = weight;
-    density_[kept_end_++] = determinant;
+NEPHROID_FLATTEN void SlopeMixtures::keep_heavy(const Mixture& mixture, const std::array<Array, 9>& lobes,
+                                                const Array& weight, const Array& determinant, float least_weight) {
+    for (size_t i = 0; i < mixture.lobe_count; i += simd_width) {
+        const auto load = [first = mixture.first_lobe + i](const Array& array) {
+            return FloatV(&array[first], stdx::element_aligned);
+        };
+        const FloatV weights = load(weight);
+        // The next mixture's lobes follow.
+        const auto heavy = first_lanes(mixture.lobe_count - i) && (weights > FloatV(least_weight));
+        for (size_t f = 0; f < lobe_.size(); ++f) compress_store(&lobe_[f][kept_end_], load(lobes[f]), heavy);
+        compress_store(&weight_[kept_end_], weights, heavy);
+        compress_store(&density_[kept_end_], load(determinant), heavy);
+        kept_end_ += count_of(heavy);
+    }
 }
 
 SlopeLobe<float> SlopeMixtures::get(size_t i) const {

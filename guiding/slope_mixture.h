@@ -83,7 +83,8 @@ class SlopeMixtures {
     void multiply();
     void weigh_glossy(Mixture& mixture);
     void keep_heavy(Mixture& mixture, float least_weight);
-    void keep(const std::array<Array, 9>& lobes, size_t i, float weight, float determinant);
+    void keep_heavy(const Mixture& mixture, const std::array<Array, 9>& lobes, const Array& weight,
+                    const Array& determinant, float least_weight);
     void normalise(Mixture& mixture, float total);
     SlopeLobe<float> get(size_t i) const;
 
@@ -104,7 +105,7 @@ class SlopeMixtures {
     size_t kept_end_ = 0;
     // At glossy shading points.
     LineArray<GlossyView> views_;   ///< Of each mixture.
-    std::array<Array, 9> product_;  ///< As `lobe_`.
+    std::array<Array, 9> product_;  ///< As `lobe_`, without what is kept.
     Array product_density_;
     Array own_weight_, product_weight_, bsdf_weight_;  ///< What lobe, product and sampling of the BSDF bring to wo.
 };

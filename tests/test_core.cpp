@@ -1,6 +1,7 @@
 // Film, metrics, alias table, cameras, rounding, picture files.
 #include <doctest/doctest.h>
 
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <limits>
@@ -15,6 +16,7 @@
 #include "core/metrics.h"
 #include "core/rounding.h"
 #include "core/sampler.h"
+#include "core/simd.h"
 
 using namespace nephroid;
 
@@ -36,6 +38,17 @@ TEST_CASE("metrics of known pictures") {
     CHECK(error.relmse_trimmed == doctest::Approx(0.01 / 1.01).epsilon(1e-4));
     CHECK(error.relmse > error.relmse_trimmed);
     CHECK(compare_images(reference, reference).rmse == 0.0);
+}
+
+TEST_CASE("columns of rows that lie anywhere") {
+    std::vector<float> values(simd_width * simd_width + 1);
+    for (size_t i = 0; i < values.size(); ++i) values[i] = static_cast<float>(i);
+    std::array<const float*, simd_width> rows;
+    for (size_t r = 0; r < simd_width; ++r) rows[r] = &values[1 + (r * 5 + 3) % simd_width * simd_width];
+    const std::array<FloatV, simd_width> columns = load_transposed(rows);
+    for (size_t c = 0; c < simd_width; ++c) {
+        for (size_t r = 0; r < simd_width; ++r) CHECK(static_cast<float>(columns[c][r]) == rows[r][c]);
+    }
 }
 
 TEST_CASE("alias table draws what it says") {

@@ -2,10 +2,13 @@
 // solutions, extremes.
 #include <doctest/doctest.h>
 
+#include <array>
+#include <bit>
 #include <cmath>
 #include <random>
 
 #include "core/warp.h"
+#include "guiding/line_array.h"
 #include "guiding/slope_path.h"
 #include "integrators/guided/guided_integrator.h"
 #include "integrators/path/wave.h"
@@ -76,6 +79,29 @@ ChainEvaluation evaluate_path(BallPath& path) {
 }
 
 }  // namespace
+
+TEST_CASE("cached lobes are gathered as they were set") {
+    constexpr size_t fields = sizeof(CachedSlopeLobe<float>) / sizeof(float), size = 20;
+    LineArray<CachedSlopeLobe> lobes(size);
+    const auto value_of = [](size_t lobe, size_t field) { return static_cast<float>(100 * lobe + field); };
+    for (size_t i = 0; i < size; ++i) {
+        std::array<float, fields> values;
+        for (size_t f = 0; f < fields; ++f) values[f] = value_of(i, f);
+        lobes.set(i, std::bit_cast<CachedSlopeLobe<float>>(values));
+    }
+    std::array<uint32_t, simd_width> index;
+    for (size_t lane = 0; lane < simd_width; ++lane) index[lane] = static_cast<uint32_t>((lane * 7 + 2) % size);
+    for (const size_t count : {size_t{1}, simd_width - 1, simd_width, simd_width + 1}) {
+        std::array<uint32_t, simd_width> read = index;
+        for (size_t lane = count; lane < simd_width; ++lane) read[lane] = ~0U;  // Not to be followed.
+        const auto values = std::bit_cast<std::array<FloatV, fields>>(lobes.gather(read.data(), count));
+        for (size_t f = 0; f < fields; ++f) {
+            for (size_t lane = 0; lane < simd_width; ++lane) {
+                CHECK(static_cast<float>(values[f][lane]) == value_of(index[lane < count ? lane : 0], f));
+            }
+        }
+    }
+}
 
 TEST_CASE("samples of a slope lobe match its density, from pin-holes to the hemisphere (chi-square)") {
     const Vec3 axis = glm::normalize(Vec3(0.3F, -0.5F, 0.8F));

@@ -73,6 +73,7 @@ void BdptWorker::render(const SampleBlock& block, SampleBuffer& samples) {
         if (bounce + 1 == render_.max_depth && !lights.has_hittable()) break;
         tracer_.scatter<Transport::radiance>(
             {bounce, dimension_of(bounce, lobe_and_roulette), dimension_of(bounce, direction), ones_});
+        tracer_.scatter_sums(true, nullptr);
     }
 }
 

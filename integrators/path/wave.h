@@ -107,13 +107,15 @@ struct GuidedWave {
     TripleArray delta_weight;  ///< BsdfSample::weight of it.
 };
 
-/// Density of the directions that a guide chooses with its fraction and the BSDF otherwise, at vertices k and
-/// following.
-inline FloatV mixed_pdf(const GuideBatch& batch, size_t k, const FloatV& bsdf_pdf, const PathArray<float>& guide_pdf) {
+/// Density of the directions that a guide chooses with its fraction and the BSDF otherwise.
+inline FloatV mixed_pdf(const FloatV& fraction, const FloatV& bsdf_pdf, const FloatV& guide_pdf) {
     const FloatV zero(0.0F);
-    const FloatV fraction(&batch.fraction[k], stdx::vector_aligned);
-    const FloatV guide(&guide_pdf[k], stdx::vector_aligned);
-    return (FloatV(1.0F) - fraction) * bsdf_pdf + select(fraction > zero, fraction * guide, zero);
+    return (FloatV(1.0F) - fraction) * bsdf_pdf + select(fraction > zero, fraction * guide_pdf, zero);
+}
+/// The same at vertices k and following.
+inline FloatV mixed_pdf(const GuideBatch& batch, size_t k, const FloatV& bsdf_pdf, const PathArray<float>& guide_pdf) {
+    return mixed_pdf(FloatV(&batch.fraction[k], stdx::vector_aligned), bsdf_pdf,
+                     FloatV(&guide_pdf[k], stdx::vector_aligned));
 }
 
 /// Shadow rays end this far (relative) before their target: two roundings of the segment's length.

@@ -24,13 +24,12 @@ LightSubpaths::LightSubpaths(const LightTracing& context)
       viewer_(max_slots_per_block),
       emissions_(max_slots_per_block),
       emitted_(max_slots_per_block),
-      shadows_(max_slots_per_block),
-      film_x_(max_slots_per_block),
-      film_y_(max_slots_per_block) {
+      splats_(max_slots_per_block) {
     if (context.guide == nullptr) return;
     guide_ = context.guide->make_worker();
     least_guided_alpha_ = context.guide->least_alpha();
-    back_.emplace(max_slots_per_block);
+    from_camera_.emplace(max_slots_per_block);
+    from_next_.emplace(max_slots_per_block);
 }
 
 void LightSubpaths::trace(const SampleBlock& block, SampleBuffer& samples) {
@@ -43,21 +42,19 @@ void LightSubpaths::trace(const SampleBlock& block, SampleBuffer& samples) {
         tracer_.trace(false);
         find_vertices(bounce);
         if (tracer_.vertices.count == 0) break;
+        if (guide_) start_questions(*from_camera_);
         if (bounce > 0 || context_.connections) {
-            if (guide_) look_from_camera();
             connect_to_camera();
+            if (guide_) look_from_camera();
+            weigh_splats();
             add_splats(samples);
         }
         if (bounce + 1 == max_depth) break;
         if (context_.connections) store_vertices(bounce);
         const uint32_t dimension = first_scattering + 2 * bounce;
-        const Scattering scattering{
-            bounce, dimension, dimension + 1, emitted_, context_.connections, guide_ ? &*back_ : nullptr};
-        if (guide_) {
-            tracer_.sample_directions(scattering, viewer_);
-            ask_guide(viewer_);
-        }
-        tracer_.scatter<Transport::importance>(scattering);
+        tracer_.scatter<Transport::importance>({bounce, dimension, dimension + 1, emitted_});
+        if (guide_) look_from_next_vertices();
+        tracer_.scatter_sums(context_.connections, guide_ ? &*from_next_ : nullptr);
     }
 }
 
@@ -181,34 +178,13 @@ void LightSubpaths::store_vertices(uint32_t bounce) {
     }
 }
 
-void LightSubpaths::look_from_camera() {
-    const VertexWave& vertices = tracer_.vertices;
-    for (size_t k = 0; k < vertices.count; k += simd_width) {
-        viewer_.store(k, context_.projection.view(vertices.position.load(k)).wi);
-    }
-    ask_guide(viewer_);
-}
-
-// Density with which camera paths that come from `viewer` would choose the direction that the light has come from.
-void LightSubpaths::ask_guide(const TripleArray& viewer) {
-    const VertexWave& vertices = tracer_.vertices;
-    GuideBatch& batch = *back_;
-    batch.count = vertices.count;
-    for (size_t k = 0; k < vertices.count; ++k) {
-        const bool narrow = is_narrow_metal(vertices.metallic[k], vertices.alpha[k], least_guided_alpha_);
-        batch.fraction[k] = narrow ? 0.0F : 1.0F;
-        batch.u_choice[k] = 1.0F;  // Keeps the direction as it is.
-        batch.direction.set(k, vertices.wo.get(k));
-    }
-    guide_->guide(guide_points(vertices, viewer, vertices.wo), batch);
-}
-
 // Strategy t = 1: rays from the vertices to the camera, with the radiance of the pixel that they bring.
 NEPHROID_FLATTEN void LightSubpaths::connect_to_camera() {
     const VertexWave& vertices = tracer_.vertices;
     const PixelRegion& crop = context_.crop;
     const FloatV zero(0.0F);
-    RayBatch& rays = shadows_.rays;
+    ShadowWave& shadows = splats_.shadows;
+    RayBatch& rays = shadows.rays;
     rays.count = 0;
     for (size_t k = 0; k < vertices.count; k += simd_width) {
         const Triple<FloatV> position = vertices.position.load(k);
@@ -219,37 +195,102 @@ NEPHROID_FLATTEN void LightSubpaths::connect_to_camera() {
                     (view.x >= FloatV(static_cast<float>(crop.x0))) && (view.x < FloatV(static_cast<float>(crop.x1))) &&
                     (view.y >= FloatV(static_cast<float>(crop.y0))) && (view.y < FloatV(static_cast<float>(crop.y1)));
         if (stdx::none_of(seen)) continue;
+        viewer_.store(k, view.wi);
         const Frame<FloatV> frame = make_frame(vertices.shading_normal.load(k));
         const Triple<FloatV> back = vertices.wo.load(k);
         // Seen from the camera, light comes from `back`: f |back.Ns| |wi.Ng| / |back.Ng|, the adjoint BSDF.
         const BsdfEvaluation<FloatV> bsdf =
             evaluate_bsdf(vertices.bsdf(k), frame.to_local(view.wi), frame.to_local(back));
-        const FloatV density = view.pixel_density * cosine;
-        const FloatV back_pdf = guide_ ? mixed_pdf(*back_, k, bsdf.pdf, back_->pdf) : bsdf.pdf;
-        const FloatV weight = mis_weight_camera(tracer_.sums.load(k), density, context_.light_paths, back_pdf) *
-                              density / maximum(dot(normal, back), FloatV(mis_floor));
-        const Triple<FloatV> contribution = vertices.throughput.load(k) * bsdf.value * weight;
+        const Triple<FloatV> contribution = vertices.throughput.load(k) * bsdf.value;
         // "Not zero" rather than "positive": a non-finite contribution must arrive where it is counted.
         seen = seen && !(contribution.x == zero && contribution.y == zero && contribution.z == zero);
         const Triple<FloatV> origin = offset_ray_origin(position, vertices.error.load(k), normal, view.wi);
         append_rays(rays, origin, view.target - origin, FloatV(segment_end), seen);
-        shadows_.contribution.append(rays.count, contribution, seen);
-        compress_store(&film_x_[rays.count], view.x, seen);
-        compress_store(&film_y_[rays.count], view.y, seen);
-        compress_store(&shadows_.slot[rays.count], UintV(&vertices.slot[k], stdx::vector_aligned), seen);
-        compress_store(&shadows_.caustic[rays.count], UintV(&vertices.flags[k], stdx::vector_aligned), seen);
+        shadows.contribution.append(rays.count, contribution, seen);
+        compress_store(&shadows.slot[rays.count], UintV(&vertices.slot[k], stdx::vector_aligned), seen);
+        compress_store(&shadows.caustic[rays.count], UintV(&vertices.flags[k], stdx::vector_aligned), seen);
+        compress_store(&splats_.vertex[rays.count], lane_numbers() + UintV(static_cast<uint32_t>(k)), seen);
+        compress_store(&splats_.film_x[rays.count], view.x, seen);
+        compress_store(&splats_.film_y[rays.count], view.y, seen);
+        compress_store(&splats_.density[rays.count], view.pixel_density * cosine, seen);
+        compress_store(&splats_.back_cosine[rays.count], dot(normal, back), seen);
+        compress_store(&splats_.back_pdf[rays.count], bsdf.pdf, seen);
+        splats_.sums.append(rays.count, tracer_.sums.load(k), seen);
         rays.count += count_of(seen);
+    }
+    shadow_ray_count_ += rays.count;
+    context_.render.accelerator.occluded(rays, false, shadows.occluded);
+}
+
+// The guide's density of the direction that the light has come from is wanted where a splat arrives.
+void LightSubpaths::look_from_camera() {
+    for (size_t i = 0; i < splats_.shadows.rays.count; ++i) {
+        if (splats_.shadows.occluded[i] == 0) ask(splats_.vertex[i], *from_camera_);
+    }
+    answer(*from_camera_);
+}
+
+NEPHROID_FLATTEN void LightSubpaths::weigh_splats() {
+    ShadowWave& shadows = splats_.shadows;
+    for (size_t i = 0; i < shadows.rays.count; i += simd_width) {
+        const auto load = [i](const PathArray<float>& values) { return FloatV(&values[i], stdx::vector_aligned); };
+        const FloatV density = load(splats_.density);
+        FloatV back_pdf = load(splats_.back_pdf);
+        if (guide_) {
+            const auto active = first_lanes(shadows.rays.count - i);
+            const UintV vertex(&splats_.vertex[i], stdx::vector_aligned);
+            back_pdf = mixed_pdf(gather(from_camera_->fraction.data(), vertex, active), back_pdf,
+                                 gather(from_camera_->pdf.data(), vertex, active));
+        }
+        const FloatV weight = mis_weight_camera(splats_.sums.load(i), density, context_.light_paths, back_pdf) *
+                              density / maximum(load(splats_.back_cosine), FloatV(mis_floor));
+        shadows.contribution.store(i, shadows.contribution.load(i) * weight);
     }
 }
 
 void LightSubpaths::add_splats(SampleBuffer& samples) {
-    shadow_ray_count_ += shadows_.rays.count;
-    context_.render.accelerator.occluded(shadows_.rays, false, shadows_.occluded);
-    for (size_t i = 0; i < shadows_.rays.count; ++i) {
-        if (shadows_.occluded[i] != 0) continue;
-        samples.splats.push_back({static_cast<int>(film_x_[i]), static_cast<int>(film_y_[i]), shadows_.slot[i],
-                                  shadows_.caustic[i] == is_caustic, shadows_.contribution.get(i)});
+    const ShadowWave& shadows = splats_.shadows;
+    for (size_t i = 0; i < shadows.rays.count; ++i) {
+        if (shadows.occluded[i] != 0) continue;
+        samples.splats.push_back({static_cast<int>(splats_.film_x[i]), static_cast<int>(splats_.film_y[i]),
+                                  shadows.slot[i], shadows.caustic[i] == is_caustic, shadows.contribution.get(i)});
     }
+}
+
+// It is wanted where the light path goes on, unless it is known already.
+void LightSubpaths::look_from_next_vertices() {
+    const RayBatch& rays = tracer_.paths.rays;
+    start_questions(*from_next_);
+    for (size_t i = 0; i < rays.count; ++i) {
+        const uint32_t vertex = tracer_.scattered_from[i];
+        if (from_camera_->holds_for_any_wo(vertex)) continue;
+        viewer_.set(vertex, rays.direction(i));
+        ask(vertex, *from_next_);
+    }
+    answer(*from_next_);
+    for (size_t i = 0; i < rays.count; ++i) {
+        const uint32_t vertex = tracer_.scattered_from[i];
+        if (!from_camera_->holds_for_any_wo(vertex)) continue;
+        from_next_->fraction[vertex] = from_camera_->fraction[vertex];
+        from_next_->pdf[vertex] = from_camera_->pdf[vertex];
+    }
+}
+
+void LightSubpaths::start_questions(GuideBatch& questions) const {
+    questions.count = tracer_.vertices.count;
+    std::fill_n(questions.fraction.data(), questions.count, 0.0F);
+}
+
+void LightSubpaths::ask(size_t vertex, GuideBatch& questions) const {
+    const VertexWave& vertices = tracer_.vertices;
+    if (is_narrow_metal(vertices.metallic[vertex], vertices.alpha[vertex], least_guided_alpha_)) return;
+    questions.fraction[vertex] = 1.0F;
+    questions.u_choice[vertex] = 1.0F;  // Keeps the direction as it is.
+    questions.direction.set(vertex, vertices.wo.get(vertex));
+}
+
+void LightSubpaths::answer(GuideBatch& questions) {
+    guide_->guide(guide_points(tracer_.vertices, viewer_, tracer_.vertices.wo), questions);
 }
 
 }  // namespace nephroid

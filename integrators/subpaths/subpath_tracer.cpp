@@ -8,11 +8,14 @@ SubpathTracer::SubpathTracer(const RenderContext& context)
     : seeds(max_slots_per_block),
       indices(max_slots_per_block),
       paths(max_slots_per_block),
+      scattered_from(max_slots_per_block),
       path_sums(max_slots_per_block),
       hits(max_slots_per_block),
       vertices(max_slots_per_block),
       sums(max_slots_per_block),
-      context_(context) {}
+      context_(context),
+      cosine_(max_slots_per_block),
+      reverse_pdf_(max_slots_per_block) {}
 
 void SubpathTracer::trace(bool coherent) {
     ray_count_ += paths.rays.count;
@@ -31,21 +34,6 @@ NEPHROID_FLATTEN void SubpathTracer::carry_sums() {
         const FloatV cosine = dot(vertices.geometric_normal.load(k), vertices.wo.load(k));
         const FloatV distance = gather(hits.t.data(), path, active);
         sums.store(k, mis_arrive(path_sums.gather(path, active), distance, cosine));
-    }
-}
-
-NEPHROID_FLATTEN void SubpathTracer::sample_directions(const Scattering& how, TripleArray& directions) const {
-    for (size_t k = 0; k < vertices.count; k += simd_width) {
-        const UintV slot(&vertices.slot[k], stdx::vector_aligned);
-        const auto active = first_lanes(vertices.count - k);
-        const UintV seed = gather(seeds.data(), slot, active);
-        const UintV index = gather(indices.data(), slot, active);
-        const FloatV u_lobe = sample_2d(context_.sampler, seed, index, how.lobe_dimension).first;
-        const auto [u, v] = sample_2d(context_.sampler, seed, index, how.direction_dimension);
-        const Frame<FloatV> frame = make_frame(vertices.shading_normal.load(k));
-        const BsdfSample<FloatV> sample =
-            sample_bsdf(vertices.bsdf(k), frame.to_local(vertices.wo.load(k)), u_lobe, u, v);
-        directions.store(k, frame.to_world(sample.wi));
     }
 }
 
@@ -83,17 +71,35 @@ NEPHROID_FLATTEN void SubpathTracer::scatter(const Scattering& how) {
             weight = weight * (one / survival);
         }
         const auto lives = active && (u_roulette < survival) && (max_component(weight) > zero) && (cosine > zero);
-        FloatV reverse_pdf = evaluate_bsdf(bsdf, sample.wi, local_wo).pdf;
-        if (how.other_side != nullptr) reverse_pdf = mixed_pdf(*how.other_side, k, reverse_pdf, how.other_side->pdf);
-        MisSums<FloatV> after = mis_scatter(sums.load(k), cosine, sample.pdf, reverse_pdf, sample.delta);
-        if (!how.connections) after.connect = zero;
         append_rays(rays, offset_ray_origin(vertices.position.load(k), vertices.error.load(k), normal, wi), wi,
                     infinity, lives);
         paths.throughput.append(rays.count, weight, lives);
-        path_sums.append(rays.count, after, lives);
+        path_sums.append(rays.count, sums.load(k), lives);
+        compress_store(&paths.pdf[rays.count], select(sample.delta, zero, sample.pdf), lives);
+        compress_store(&reverse_pdf_[rays.count], evaluate_bsdf(bsdf, sample.wi, local_wo).pdf, lives);
+        compress_store(&cosine_[rays.count], cosine, lives);
+        compress_store(&scattered_from[rays.count], lane_numbers() + UintV(static_cast<uint32_t>(k)), lives);
         compress_store(&paths.slot[rays.count], slot, lives);
         compress_store(&paths.flags[rays.count], UintV(&vertices.flags[k], stdx::vector_aligned), lives);
         rays.count += count_of(lives);
+    }
+}
+
+NEPHROID_FLATTEN void SubpathTracer::scatter_sums(bool connections, const GuideBatch* other_side) {
+    const FloatV zero(0.0F);
+    for (size_t i = 0; i < paths.rays.count; i += simd_width) {
+        const auto load = [i](const PathArray<float>& values) { return FloatV(&values[i], stdx::vector_aligned); };
+        FloatV reverse_pdf = load(reverse_pdf_);
+        if (other_side != nullptr) {
+            const auto active = first_lanes(paths.rays.count - i);
+            const UintV vertex(&scattered_from[i], stdx::vector_aligned);
+            reverse_pdf = mixed_pdf(gather(other_side->fraction.data(), vertex, active), reverse_pdf,
+                                    gather(other_side->pdf.data(), vertex, active));
+        }
+        const FloatV pdf = load(paths.pdf);
+        MisSums<FloatV> after = mis_scatter(path_sums.load(i), load(cosine_), pdf, reverse_pdf, pdf == zero);
+        if (!connections) after.connect = zero;
+        path_sums.store(i, after);
     }
 }
 

@@ -14,9 +14,7 @@ enum class Transport : uint8_t { radiance, importance };
 struct Scattering {
     uint32_t bounce;  ///< Scatterings before.
     uint32_t lobe_dimension, direction_dimension;
-    const AlignedArray<float>& reference;    ///< Per slot: the throughput that roulette judges is relative to it.
-    bool connections = true;                 ///< LightTracing::connections.
-    const GuideBatch* other_side = nullptr;  ///< Of paths the other way around, towards `wo`; null: not guided.
+    const AlignedArray<float>& reference;  ///< Per slot: the throughput that roulette judges is relative to it.
 };
 
 class SubpathTracer {
@@ -31,11 +29,12 @@ class SubpathTracer {
     /// Sums from the last scattering carried to the vertices; not for first vertices.
     void carry_sums();
 
-    /// The directions (unit) that `scatter` will choose; anything where it chooses none.
-    void sample_directions(const Scattering& how, TripleArray& directions) const;
-    /// A direction at every vertex with its throughput, roulette and sums; the survivors become the next rays.
+    /// A direction at every vertex with its throughput and roulette; the survivors become the next rays.
     template <Transport transport>
     void scatter(const Scattering& how);
+    /// Their sums past the scattering. `connections`: LightTracing's. `other_side`: at the vertices of the rays, what
+    /// the guide of paths the other way around does towards `wo`; null: not guided.
+    void scatter_sums(bool connections, const GuideBatch* other_side);
 
     uint64_t ray_count() const { return ray_count_; }
 
@@ -43,6 +42,7 @@ class SubpathTracer {
     AlignedArray<uint32_t> seeds, indices;
     // Per path of the wave, in the order of its rays.
     PathWave paths;
+    PathArray<uint32_t> scattered_from;  ///< Vertex.
     MisArray path_sums;
     HitBatch hits;
     std::vector<uint32_t> special;
@@ -52,6 +52,7 @@ class SubpathTracer {
 
   private:
     const RenderContext& context_;
+    PathArray<float> cosine_, reverse_pdf_;  ///< Per path: of the last scattering.
     uint64_t ray_count_ = 0;
 };
 
