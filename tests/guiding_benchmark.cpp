@@ -2,13 +2,14 @@
 // test.
 //
 //   guiding_benchmark SCENE.glb [--size WxH] [--points N] [--samples N] [--cached-points N] [--schemes
-//   path,paper,slope] [--reflections 1|2]
+//   path,paper,slope] [--reflections 1|2] [--fraction B]
 //
 // Light by one reflection alone. Every scheme's second moment is measured with the same broad proposal (lobes found for
 // the point itself, half of the samples over the whole hemisphere): measured with its own samples, a scheme that misses
 // part of the light looks good. Schemes: path (cosine), paper and slope with lobes of the point itself (exact) and of a
 // cache of the whole picture (cached), the way the renderer uses them. The paper's search takes very long where rough
-// reflectors are finely tessellated: leave it out there.
+// reflectors are finely tessellated: leave it out there. The fraction of slope lobes is chosen for all of the scene's
+// light, of which this is a part: --fraction sets it, to see the lobes alone.
 //
 // With --reflections 2, light by two reflections and the default settings: as rendered, its part if the second
 // direction were perfect, and path tracing (tests/two_reflections.h).
@@ -44,6 +45,7 @@ struct Options {
     uint32_t cached_points = 10000;
     std::vector<std::string> schemes{"path", "paper", "slope"};
     int reflections = 1;
+    std::optional<float> fraction;  ///< Of slope lobes; none: as rendered.
 
     bool measures(const std::string& scheme) const {
         return std::find(schemes.begin(), schemes.end(), scheme) != schemes.end();
@@ -127,6 +129,7 @@ class Benchmark {
         GuidedSettings slope, paper = paper_settings();
         slope.bounces = paper.bounces = 1;
         slope.cached_points = paper.cached_points = options_.cached_points;
+        slope.guide_fraction = options_.fraction;
         const std::vector<Receiver> points = shading_points();
         const GuidedPaths found = paths_to(points, slope);
         // The proposal of all measurements: always needed.
@@ -166,6 +169,7 @@ class Benchmark {
     nlohmann::json run_two_reflections() {
         GuidedSettings settings;
         settings.cached_points = options_.cached_points;
+        settings.guide_fraction = options_.fraction;
         const GuidedIntegrator integrator(context_, casters_, view(), settings);
         if (integrator.guide() == nullptr) return {{"scene", options_.scene}, {"points", 0}};
         const GuidedPaths prepared = prepare_paths(context_, casters_, settings);
@@ -282,6 +286,8 @@ std::optional<Options> parse_options(int argc, char** argv) {
         ->delimiter(',')
         ->check(CLI::IsMember({"path", "paper", "slope"}));
     app.add_option("--reflections", options.reflections, "of the light [1]")->check(CLI::Range(1, 2));
+    app.add_option("--fraction", options.fraction, "of the guide, for slope lobes [as rendered]")
+        ->check(CLI::Range(0.01, 0.99));
     if (!parse_command_line(app, argc, argv)) return std::nullopt;
     if (!size.empty()) parse_size(size, options);
     return options;

@@ -18,7 +18,7 @@ namespace {
 /// Costs about a tenth of the samples and takes nearly all bright dots away: docs/guiding.md.
 constexpr uint32_t usual_light_path_per = 16;
 /// Where lobes are poor: most light comes by two and more reflections.
-constexpr uint32_t often_light_path_per = 4;
+constexpr uint32_t often_light_path_per = 2;
 constexpr double mostly_long = 0.5;
 
 /// Share of the photons that must land where the picture looks.
