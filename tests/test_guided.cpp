@@ -214,6 +214,15 @@ TEST_CASE("lobes of paths of two reflections have the same mean, searched or fro
     check_same_mean(render_with_guide(caustic, {.spp = 1024}, settings), path, "search");
 }
 
+TEST_CASE("where there is no time to search, lobes from photons alone have the same mean") {
+    for (const CausticScene& caustic : testing::all_caustic_scenes(alpha_for_path)) {
+        GuidedSettings settings = small_cache(LobeKind::slope, caustic.reflections);
+        settings.search_seconds = 1e-9;
+        check_same_mean(render_with_guide(caustic, {.spp = 1024}, settings),
+                        render_path(caustic, {.spp = spp_for_path}), caustic.name);
+    }
+}
+
 TEST_CASE("sphere lights: the mixture's density enters next event estimation's weight") {
     CausticScene caustic = testing::sphere_caustic(alpha_for_path);
     caustic.scene.lights[0].kind = LightKind::sphere;

@@ -8,7 +8,9 @@
 #include "guiding/slope_path.h"
 #include "integrators/guided/caustic_photons.h"
 #include "integrators/guided/lobe_weight.h"
+#include "integrators/guided/photon_coverage.h"
 #include "integrators/guided/photon_lobes.h"
+#include "integrators/guided/slope_cache.h"
 #include "tests/caustic_scenes.h"
 #include "tests/test_scenes.h"
 
@@ -78,6 +80,28 @@ TEST_CASE("photons of two reflections land") {
         long_ones += photon.reflections > 1 ? 1 : 0;
     }
     CHECK(long_ones > 100);
+}
+
+TEST_CASE("points that are added where photons are covered worst leave fewer bright dots, round by round") {
+    const testing::CausticScene caustic = testing::bumpy_plane_caustic(0.002F);
+    testing::PreparedScene prepared(caustic.scene, caustic.camera, 64, 64);
+    std::vector<double> excess;
+    for (const uint32_t refinements : {0U, 1U, 3U}) {
+        GuidedSettings settings;
+        settings.bounces = 1;
+        settings.refinements = refinements;
+        GuidedStatistics statistics;
+        GuidedPaths found =
+            find_guided_paths(prepared.context, find_casters(caustic.scene),
+                              choose_receivers(prepared.context, {64, 64, {0, 0, 64, 64}}, 400), settings, statistics);
+        const MadeSlopeCache made = make_slope_cache(prepared.context, found, {}, settings, statistics);
+        CHECK((statistics.added_points > 0) == (refinements > 0));
+        const auto coverage = measure_coverage(made.cache, {}, made.photons);
+        excess.push_back(poorly_covered(made.cache, made.photons, coverage, 1).excess);
+    }
+    INFO(excess[0], ", ", excess[1], ", ", excess[2]);
+    CHECK(excess[1] < 0.7 * excess[0]);
+    CHECK(excess[2] < 0.7 * excess[1]);
 }
 
 TEST_CASE("photon lobes have the spread of what they are fitted to") {

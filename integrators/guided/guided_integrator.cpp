@@ -38,6 +38,14 @@ uint32_t light_path_per_for(std::span<const CausticPhoton> photons) {
     return long_share(photons) > mostly_long ? often_light_path_per : usual_light_path_per;
 }
 
+/// Fewer points than that with all of their paths are worse than many with lobes fitted to photons: a hundred lights.
+constexpr uint32_t fewest_searched = 512;
+
+/// Whether all lobes may come from photons.
+bool photons_suffice(const GuidedSettings& settings) {
+    return settings.lobe == LobeKind::slope && settings.long_paths == LongPaths::photons && settings.photons > 0.0;
+}
+
 template <class Mixture>
 std::optional<GuideFacts> facts_of(const MixtureCache<Mixture>& mixtures, const Vec3& position, const Vec3& normal) {
     std::array<FoundPoint, Mixture::most_points> found;
@@ -67,7 +75,10 @@ GuidedIntegrator::GuidedIntegrator(const RenderContext& context, const CasterRep
     if (settings.lobe == LobeKind::slope) highlights = find_highlights(context, found, view, settings);
     film_guide_ = std::move(highlights.film);
     statistics_.seconds_highlights = stopwatch.lap();
-    found.receivers = choose_receivers(context, view, affordable_points(context, found, view, settings));
+    const uint32_t wanted = wanted_points(view, settings);
+    const uint32_t affordable = affordable_points(context, found, view, settings);
+    found.is_searched = !photons_suffice(settings) || affordable >= std::min(fewest_searched, wanted);
+    found.receivers = choose_receivers(context, view, found.is_searched ? affordable : wanted);
     statistics_.seconds_receivers = stopwatch.lap();
     search_paths(context, settings, found, statistics_);
     stopwatch.lap();

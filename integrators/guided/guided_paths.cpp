@@ -179,10 +179,14 @@ GuidedPaths prepare_paths(const RenderContext& context, const CasterReport& cast
     return prepared;
 }
 
+uint32_t wanted_points(const GuidedView& view, const GuidedSettings& settings) {
+    const auto pixels = static_cast<uint32_t>(view.crop.width()) * static_cast<uint32_t>(view.crop.height());
+    return std::min(settings.cached_points, pixels);
+}
+
 uint32_t affordable_points(const RenderContext& context, const GuidedPaths& prepared, const GuidedView& view,
                            const GuidedSettings& settings) {
-    const auto pixels = static_cast<uint32_t>(view.crop.width()) * static_cast<uint32_t>(view.crop.height());
-    const uint32_t wanted = std::min(settings.cached_points, pixels);
+    const uint32_t wanted = wanted_points(view, settings);
     if (wanted <= pilot_points) return wanted;
     const std::vector<Receiver> pilot = choose_receivers(context, view, pilot_points);
     std::vector<Vec3> positions;
@@ -203,6 +207,10 @@ uint32_t affordable_points(const RenderContext& context, const GuidedPaths& prep
 
 void search_paths(const RenderContext& context, const GuidedSettings& settings, GuidedPaths& found,
                   GuidedStatistics& statistics) {
+    if (!found.is_searched) {
+        found.paths.first_path.assign(found.receivers.size() + 1, 0);
+        return;
+    }
     Stopwatch stopwatch;
     SearchOptions options = search_options(context, settings);
     const int longest = options.bounces;

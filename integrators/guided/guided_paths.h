@@ -22,6 +22,7 @@ struct GuidedPaths {
     std::vector<PathLight> lights;
     ReflectorTree reflectors;
     RepresentativePaths paths;  ///< Of each receiver: those of one reflection, then the longer ones.
+    bool is_searched = true;    ///< Otherwise no paths are looked for: photons tell all.
 };
 
 /// The casters and small lights of a scene; no receivers and no paths yet.
@@ -29,6 +30,9 @@ GuidedPaths prepare_paths(const RenderContext& context, const CasterReport& cast
 
 /// Points where the camera looks, about `count`.
 std::vector<Receiver> choose_receivers(const RenderContext& context, const GuidedView& view, uint32_t count);
+
+/// As the settings have it, but no more than pixels.
+uint32_t wanted_points(const GuidedView& view, const GuidedSettings& settings);
 
 /// How many points the settings' search_seconds allow. `prepared` has no receivers yet.
 uint32_t affordable_points(const RenderContext& context, const GuidedPaths& prepared, const GuidedView& view,

@@ -80,9 +80,12 @@ class SlopeCacheMaker {
         statistics_.seconds_lobes = stopwatch_.lap();
         if (cache_.points.empty() || settings_.photons == 0.0 || is_over()) return made();
         trace_photons();
-        add_points();
-        if (settings_.bounces > 1) add_reflector_points();
-        if (settings_.bounces > 1 && settings_.long_paths == LongPaths::photons) add_long_paths();
+        if (found_.is_searched) {
+            add_points();
+            if (settings_.bounces > 1) add_reflector_points();
+        }
+        const bool long_paths = settings_.bounces > 1 && settings_.long_paths == LongPaths::photons;
+        if (long_paths || !found_.is_searched) add_photon_lobes();
         if (!settings_.guide_fraction) choose_fractions();
         return made();
     }
@@ -151,9 +154,9 @@ class SlopeCacheMaker {
         statistics_.seconds_lobes += stopwatch_.lap();
     }
 
-    void add_long_paths() {
+    void add_photon_lobes() {
         if (is_over()) return;
-        const UncoveredPhotons uncovered(cache_, photons_, coverage_);
+        const UncoveredPhotons uncovered(cache_, photons_, coverage_, !found_.is_searched);
         tbb::parallel_for(size_t{0}, lobes_.size(), [&](size_t i) {
             const auto more = uncovered.lobes_at(cache_.points[i]);
             lobes_[i].insert(lobes_[i].end(), more.begin(), more.end());

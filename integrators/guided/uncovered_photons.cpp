@@ -14,10 +14,10 @@ constexpr size_t enough_origins = 200;
 }  // namespace
 
 UncoveredPhotons::UncoveredPhotons(const SlopeCache& cache, const std::vector<CausticPhoton>& photons,
-                                   const std::vector<PhotonCoverage>& coverage)
+                                   const std::vector<PhotonCoverage>& coverage, bool with_single)
     : cache_(cache), first_(cache.points.size() + 1) {
     const auto is_wanted = [&](size_t i) {
-        return photons[i].reflections > 1 && coverage[i].bsdf_pdf > coverage[i].guide_pdf;
+        return (photons[i].reflections > 1 || with_single) && coverage[i].bsdf_pdf > coverage[i].guide_pdf;
     };
     for (size_t i = 0; i < photons.size(); ++i) first_[coverage[i].nearest + 1] += is_wanted(i) ? 1 : 0;
     std::partial_sum(first_.begin(), first_.end(), first_.begin());

@@ -1,4 +1,4 @@
-// Photons of two and more reflections that a cache leaves to the BSDF, and lobes for them.
+// Photons that a cache leaves to the BSDF, mostly of two and more reflections, and lobes for them.
 #pragma once
 
 #include <vector>
@@ -10,9 +10,10 @@ namespace nephroid {
 
 class UncoveredPhotons {
   public:
-    /// Keeps a reference to the cache.
+    /// Keeps a reference to the cache. Photons of one reflection count only `with_single`: where their paths have not
+    /// been searched for.
     UncoveredPhotons(const SlopeCache& cache, const std::vector<CausticPhoton>& photons,
-                     const std::vector<PhotonCoverage>& coverage);
+                     const std::vector<PhotonCoverage>& coverage, bool with_single);
 
     /// From those around the point.
     std::vector<CachedSlopeLobe<float>> lobes_at(const CachedPoint& point) const;
