@@ -28,7 +28,8 @@ struct GuidedSettings {
     uint32_t cached_points = 10000;  ///< About so many; more follow the caustic's shape better and take longer to make.
     /// Fewer points where paths of one reflection to all of them would take longer than about so many processor
     /// seconds, told from the number of solves that some of them take: not from a clock, so that the picture does not
-    /// depend on the machine.
+    /// depend on the machine. With slope lobes nothing is searched where fewer than 512 would be left: photons tell
+    /// all.
     double search_seconds = 5.0;
     double photons = 32.0;  ///< For each cached point: they tell where points are missing, and how much to guide.
     /// So many times, points are added where photons are covered worst, at most a quarter as many as there are.
