@@ -27,7 +27,7 @@ class Learner {
     virtual std::optional<uint32_t> next_lesson(uint32_t samples) const = 0;
     /// Before the first pass and after each lesson: whether another lesson will follow within the render's limits.
     /// Otherwise no pass has to be learned from any more.
-    void expect_lesson(bool expected) { recording_ = expected; }
+    virtual void expect_lesson(bool expected) { recording_ = expected; }
     /// Whether the next pass is to be learned from.
     bool recording() const { return recording_; }
     /// While nobody traces. Every pixel has `samples` samples since the last lesson.
@@ -41,6 +41,23 @@ class Learner {
 
   private:
     bool recording_ = true;
+};
+
+/// Two that learn at the same lessons and keep earlier samples, as one.
+class LearnerPair final : public Learner {
+  public:
+    /// Keeps references.
+    LearnerPair(Learner& first, Learner& second) : first_(first), second_(second) {}
+    std::optional<uint32_t> next_lesson(uint32_t samples) const override { return first_.next_lesson(samples); }
+    void expect_lesson(bool expected) override;
+    void learn(uint32_t samples) override;
+    EarlierSamples earlier_samples() const override { return EarlierSamples::kept; }
+    std::vector<uint8_t> state() const override;
+    void restore(const std::vector<uint8_t>& state) override;
+
+  private:
+    Learner& first_;
+    Learner& second_;
 };
 
 }  // namespace nephroid

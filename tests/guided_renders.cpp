@@ -27,6 +27,7 @@ class GuidedBy final : public Integrator {
         if (made.light_tracing() == nullptr) return;
         light_tracing_.emplace(*made.light_tracing());
         light_tracing_->guide = &guide;
+        light_tracing_->adaptive = nullptr;
     }
     std::string name() const override { return "guided by a test"; }
     std::unique_ptr<IntegratorWorker> make_worker() const override {

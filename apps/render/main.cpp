@@ -171,6 +171,7 @@ GuidedSettings guided_settings(const Parameters& parameters, std::optional<doubl
     }
     const std::string& combine = parameters.at("combine");
     if (combine != "auto") settings.light_path_per = combine == "off" ? 0 : static_cast<uint32_t>(std::stoul(combine));
+    settings.adaptive = parameters.at("adaptive") == "on";
     return settings;
 }
 
@@ -200,6 +201,7 @@ std::unique_ptr<Integrator> make_integrator(const std::string& name, const Param
                                                 BdptSettings{parameters.at("emission") == "casters"});
     }
     if (name == "ppg") return std::make_unique<PpgIntegrator>(context, ppg_settings(parameters));
+    if (parameters.at("adaptive") == "on") return std::make_unique<PathIntegrator>(context, view.crop);
     return std::make_unique<PathIntegrator>(context);
 }
 

@@ -20,6 +20,17 @@ ParameterDescription sampler_parameter() {
             {}};
 }
 
+ParameterDescription adaptive_parameter(const std::string& default_value) {
+    return {
+        "adaptive",
+        "on|off",
+        default_value,
+        "on: a sample is the mean of more paths where one path deviates more, as earlier samples tell: less noise in "
+        "the same time, and samples that take up to twice as long",
+        {"on", "off"},
+        {}};
+}
+
 std::vector<ParameterDescription> guided_parameters() {
     return {
         {"preset",
@@ -139,6 +150,7 @@ std::vector<ParameterDescription> guided_parameters() {
          "more is less noise per sample and fewer samples",
          {},
          NumberRange{0.01, 1.0, false}},
+        adaptive_parameter("on"),
         sampler_parameter(),
     };
 }
@@ -201,7 +213,7 @@ std::vector<ParameterDescription> ppg_parameters() {
 
 const std::map<std::string, std::vector<ParameterDescription>>& table() {
     static const std::map<std::string, std::vector<ParameterDescription>> parameters = {
-        {"path", {sampler_parameter()}},
+        {"path", {adaptive_parameter("off"), sampler_parameter()}},
         {"bdpt",
          {{"emission",
            "power|casters",
@@ -225,7 +237,8 @@ const std::map<std::string, Parameters>& implications() {
           {"guide_fraction", "0.5"},
           {"slope_limit", "0"},
           {"long_paths", "search"},
-          {"combine", "off"}}},
+          {"combine", "off"},
+          {"adaptive", "off"}}},
         {"preset=paper",
          {{"lobe", "sg"},
           {"warp", "mirror"},
@@ -233,6 +246,7 @@ const std::map<std::string, Parameters>& implications() {
           {"slope_limit", "0"},
           {"long_paths", "search"},
           {"combine", "off"},
+          {"adaptive", "off"},
           {"selection", "triangles"}}},
         {"preset=2017",
          {{"split_count", "12000"},

@@ -110,7 +110,7 @@ NEPHROID_FLATTEN void BdptWorker::start_sums() {
     for (size_t k = 0; k < vertices.count; k += simd_width) {
         const CameraView<FloatV> view = context_.projection.view(vertices.position.load(k));
         const FloatV density = view.pixel_density * dot(vertices.geometric_normal.load(k), vertices.wo.load(k));
-        tracer_.sums.store(k, mis_camera_start(density, context_.light_paths));
+        tracer_.sums.store(k, mis_camera_start(density, FloatV(context_.light_paths)));
     }
 }
 

@@ -13,9 +13,10 @@ namespace nephroid {
 
 class CombinedWorker final : public IntegratorWorker {
   public:
-    /// Keeps references. The guide is light_tracing's.
+    /// Keeps references. Guide and adaptive sampling are light_tracing's.
     CombinedWorker(const FilmGuide* film_guide, const LightTracing& light_tracing)
-        : camera_(light_tracing.render, light_tracing.guide, film_guide, &light_tracing), light_(light_tracing) {}
+        : camera_(light_tracing.render, light_tracing.guide, film_guide, &light_tracing, light_tracing.adaptive),
+          light_(light_tracing) {}
     void render(const SampleBlock& block, SampleBuffer& samples) override {
         samples.splats.clear();
         camera_.render(block, samples);

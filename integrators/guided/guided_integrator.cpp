@@ -97,7 +97,7 @@ GuidedIntegrator::GuidedIntegrator(const RenderContext& context, const CasterRep
         photons = std::move(made.photons);
         keep(slope_lobes_, std::move(made.cache), options);
         if (slope_lobes_ && !settings.guide_fraction) {
-            learner_ = std::make_unique<FractionLearner>(slope_lobes_->cache, std::move(made.expected));
+            fractions_ = std::make_unique<FractionLearner>(slope_lobes_->cache, std::move(made.expected));
         }
     } else {
         SgMixtureOptions options;
@@ -105,6 +105,13 @@ GuidedIntegrator::GuidedIntegrator(const RenderContext& context, const CasterRep
         keep(spherical_gaussians_, make_sg_cache(context, found, settings), options);
         statistics_.seconds_lobes = stopwatch.lap();
     }
+    if (settings.adaptive && guide() != nullptr) {
+        adaptive_ = std::make_unique<AdaptiveSampling>(view.crop);
+        for (const FilmGuide::Pixel& pixel : film_guide_.pixels()) {
+            adaptive_->start_with(pixel.x, pixel.y, pixel.positions);
+        }
+    }
+    if (fractions_ && adaptive_) both_ = std::make_unique<LearnerPair>(*fractions_, *adaptive_);
     const uint32_t light_path_per =
         settings.light_path_per.value_or(light_paths_pay(casters) ? light_path_per_for(photons) : 0);
     if (light_path_per > 0) add_light_tracing(casters, view, light_path_per, photons);
@@ -131,7 +138,7 @@ void GuidedIntegrator::add_light_tracing(const CasterReport& casters, const Guid
     const auto samples = static_cast<float>(light_paths_per_sample(view.width, view.height, view.crop));
     light_tracing_ = std::make_unique<LightTracing>(
         LightTracing{context_, std::move(emission), CameraProjection(context_.camera_rays), view.crop,
-                     samples / static_cast<float>(one_in), false, one_in, guide()});
+                     samples / static_cast<float>(one_in), false, one_in, guide(), adaptive_.get()});
 }
 
 const DirectionalGuide* GuidedIntegrator::guide() const {
@@ -141,15 +148,22 @@ const DirectionalGuide* GuidedIntegrator::guide() const {
 
 std::unique_ptr<IntegratorWorker> GuidedIntegrator::make_worker() const {
     const FilmGuide* film_guide = film_guide_.empty() ? nullptr : &film_guide_;
-    if (learner_ && light_tracing_) {
-        return std::make_unique<RecordedWorker<CombinedWorker, FractionRecorder>>(*learner_, film_guide,
+    if (fractions_ && light_tracing_) {
+        return std::make_unique<RecordedWorker<CombinedWorker, FractionRecorder>>(*fractions_, film_guide,
                                                                                   *light_tracing_);
     }
-    if (learner_) {
-        return std::make_unique<RecordedWorker<PathWorker, FractionRecorder>>(*learner_, context_, guide(), film_guide);
+    if (fractions_) {
+        return std::make_unique<RecordedWorker<PathWorker, FractionRecorder>>(*fractions_, context_, guide(),
+                                                                              film_guide, nullptr, adaptive_.get());
     }
     if (light_tracing_) return std::make_unique<CombinedWorker>(film_guide, *light_tracing_);
-    return std::make_unique<PathWorker>(context_, guide(), film_guide);
+    return std::make_unique<PathWorker>(context_, guide(), film_guide, nullptr, adaptive_.get());
+}
+
+Learner* GuidedIntegrator::learner() const {
+    if (both_) return both_.get();
+    if (fractions_) return fractions_.get();
+    return adaptive_.get();
 }
 
 std::optional<GuideFacts> GuidedIntegrator::facts_at(const Vec3& position, const Vec3& normal) const {
@@ -176,7 +190,7 @@ std::optional<IntegratorStatistics> GuidedIntegrator::statistics() const {
                                  {"representative_paths", s.paths},
                                  {"points_cut_short", s.search.cut_short},
                                  {"highlight_pixels", film_guide_.pixels().size()},
-                                 {"lessons", learner_ ? learner_->lessons() : 0}},
+                                 {"lessons", fractions_ ? fractions_->lessons() : 0}},
                                 {{"seconds_hierarchy", s.seconds_hierarchy},
                                  {"seconds_highlights", s.seconds_highlights},
                                  {"seconds_receivers", s.seconds_receivers},
@@ -185,8 +199,9 @@ std::optional<IntegratorStatistics> GuidedIntegrator::statistics() const {
                                  {"seconds_lobes", s.seconds_lobes},
                                  {"seconds_photons", s.seconds_photons},
                                  {"seconds_fractions", s.seconds_fractions},
-                                 {"seconds_lessons", learner_ ? learner_->seconds() : 0.0},
-                                 {"mean_fraction", slope_lobes_ ? mean_fraction(slope_lobes_->cache.points) : 0.0}}};
+                                 {"seconds_lessons", fractions_ ? fractions_->seconds() : 0.0},
+                                 {"mean_fraction", slope_lobes_ ? mean_fraction(slope_lobes_->cache.points) : 0.0},
+                                 {"mean_camera_paths", adaptive_ ? adaptive_->mean_paths() : 1.0}}};
 }
 
 }  // namespace nephroid

@@ -45,7 +45,7 @@ class GuidedIntegrator final : public Integrator {
     std::string name() const override { return "guided"; }
     std::unique_ptr<IntegratorWorker> make_worker() const override;
     bool makes_splats() const override { return light_tracing_ != nullptr; }
-    Learner* learner() const override { return learner_.get(); }
+    Learner* learner() const override;
     std::optional<IntegratorStatistics> statistics() const override;
 
     /// Null where nothing is to be guided to.
@@ -72,7 +72,9 @@ class GuidedIntegrator final : public Integrator {
     std::unique_ptr<LightTracing> light_tracing_;  ///< Null: camera paths only.
     std::unique_ptr<MixtureCache<SgMixtures>> spherical_gaussians_;
     std::unique_ptr<MixtureCache<SlopeMixtures>> slope_lobes_;
-    std::unique_ptr<FractionLearner> learner_;  ///< Of slope_lobes_; null: fractions stay as they are.
+    std::unique_ptr<FractionLearner> fractions_;  ///< Of slope_lobes_; null: they stay as they are.
+    std::unique_ptr<AdaptiveSampling> adaptive_;  ///< Null: pixels are not learned about.
+    std::unique_ptr<LearnerPair> both_;           ///< Null: one of them at most.
 };
 
 }  // namespace nephroid

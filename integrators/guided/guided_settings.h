@@ -50,6 +50,8 @@ struct GuidedSettings {
     /// Splats of light paths aimed at casters, beside camera paths: of so many samples one brings a light path (a power
     /// of two up to 64; 0: none). None: where photons tell that it pays.
     std::optional<uint32_t> light_path_per;
+    /// Where something is guided to: see AdaptiveSampling.
+    bool adaptive = true;
 };
 
 /// The paper's method (preset=paper).
@@ -61,6 +63,7 @@ inline GuidedSettings paper_settings() {
     settings.acceptance.alpha_multiple = 0.0;
     settings.guide_fraction = 0.5F;
     settings.light_path_per = 0;
+    settings.adaptive = false;
     return settings;
 }
 

@@ -9,18 +9,25 @@
 #pragma once
 
 #include "integrators/integrator.h"
+#include "integrators/path/adaptive_sampling.h"
 
 namespace nephroid {
 
 class PathIntegrator final : public Integrator {
   public:
-    /// Keeps a reference to the context.
+    /// Keeps a reference to the context. One path for each sample.
     explicit PathIntegrator(const RenderContext& context) : context_(context) {}
+    /// Adaptive, for the crop's pixels.
+    PathIntegrator(const RenderContext& context, const PixelRegion& crop)
+        : context_(context), adaptive_(std::make_unique<AdaptiveSampling>(crop)) {}
     std::string name() const override { return "path"; }
     std::unique_ptr<IntegratorWorker> make_worker() const override;
+    Learner* learner() const override { return adaptive_.get(); }
+    std::optional<IntegratorStatistics> statistics() const override;
 
   private:
     const RenderContext& context_;
+    std::unique_ptr<AdaptiveSampling> adaptive_;  ///< Null: one path for each sample.
 };
 
 }  // namespace nephroid

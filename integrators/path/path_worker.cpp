@@ -7,7 +7,6 @@
 #include "core/delta_light.h"
 #include "core/rounding.h"
 #include "integrators/mis.h"
-#include "integrators/path/path_integrator.h"
 #include "integrators/path/wave_stages.h"
 
 namespace nephroid {
@@ -31,12 +30,8 @@ FloatV load(const AlignedArray<float>& values, size_t i) {
 
 }  // namespace
 
-std::unique_ptr<IntegratorWorker> PathIntegrator::make_worker() const {
-    return std::make_unique<PathWorker>(context_, nullptr);
-}
-
 PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* guide, const FilmGuide* film_guide,
-                       const LightTracing* light_tracing)
+                       const LightTracing* light_tracing, AdaptiveSampling* adaptive)
     : context_(context),
       seeds_(max_slots_per_block),
       indices_(max_slots_per_block),
@@ -45,11 +40,13 @@ PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* gui
       vertices_(max_slots_per_block),
       lights_(max_slots_per_block),
       shadows_(max_slots_per_block),
+      adaptive_(adaptive),
       light_tracing_(light_tracing) {
-    if (film_guide != nullptr) {
-        highlights_.emplace(context, *film_guide, film_dimension);
-        position_samples_.emplace();
+    if (film_guide != nullptr || adaptive != nullptr) {
+        pixel_samples_.emplace(context, film_guide, adaptive, film_dimension);
+        further_samples_.emplace();
     }
+    if (adaptive != nullptr) rays_per_slot_ = AlignedArray<uint32_t>(max_slots_per_block);
     if (light_tracing != nullptr) rivals_.emplace(max_slots_per_block);
     if (guide == nullptr) return;
     guide_ = guide->make_worker();
@@ -61,9 +58,14 @@ PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* gui
 void PathWorker::render(const SampleBlock& block, SampleBuffer& samples) {
     clear_samples(samples, context_.aovs, block.slot_count());
     start_camera_paths(context_, block, film_dimension, seeds_, indices_, paths_);
-    if (highlights_) start_in_highlights(block);
+    if (rivals_) std::fill_n(rivals_->paths_per_sample.data(), block.slot_count(), 1.0F);
+    if (pixel_samples_) start_special_samples(block);
+    counts_rays_ = adaptive_ != nullptr && adaptive_->recording();
+    if (counts_rays_) std::fill_n(rays_per_slot_.data(), block.slot_count(), 0U);
     trace_paths(samples);
-    if (highlights_ && !highlights_->found().empty()) add_highlight_positions(samples);
+    if (counts_rays_) record_first_paths(block, samples);
+    if (pixel_samples_ && !pixel_samples_->found().empty()) add_further_paths(samples);
+    counts_rays_ = false;
 }
 
 void PathWorker::trace_paths(SampleBuffer& samples) {
@@ -84,6 +86,7 @@ void PathWorker::trace_paths(SampleBuffer& samples) {
             weigh_lights(bounce, guided);
             push_shadow_rays(vertices_, lights_, shadows_);
             rays_ += shadows_.rays.count;
+            if (counts_rays_) count_rays(shadows_.slot, shadows_.rays.count);
             context_.accelerator.occluded(shadows_.rays, bounce == 0, shadows_.occluded);
             add_unoccluded(context_.aovs, shadows_, samples);
         }
@@ -109,6 +112,7 @@ void PathWorker::incident_radiance(const RayBatch& rays, std::span<const uint32_
         push_path(rays.origin(i), rays.direction(i), 1.0F, seeds[i], first_index);
         paths_.flags[i] = receiver_seen;
     }
+    if (rivals_) std::fill_n(rivals_->paths_per_sample.data(), rays.count, 1.0F);
     trace_paths(samples);
 }
 
@@ -124,34 +128,59 @@ void PathWorker::push_path(const Vec3& origin, const Vec3& direction, float thro
     indices_[path] = index;
 }
 
-// Samples of pixels with highlights start anew.
-void PathWorker::start_in_highlights(const SampleBlock& block) {
-    for (const HighlightSamples::Sample& sample : highlights_->find(block, seeds_, indices_)) {
-        const CameraStart start = highlights_->start(sample, 0);
+// They start anew.
+void PathWorker::start_special_samples(const SampleBlock& block) {
+    for (const PixelSamples::Sample& sample : pixel_samples_->find(block, seeds_)) {
+        if (rivals_) rivals_->paths_per_sample[sample.slot] = shared_by(sample);
+        const CameraStart start = pixel_samples_->start(sample, 0);
+        indices_[sample.slot] = start.index;
         paths_.throughput.set(sample.slot, Vec3(start.weight));
         // Otherwise the camera ray stays, which AOVs are of.
         if (start.weight > 0.0F) paths_.rays.set(sample.slot, start.origin, start.direction);
     }
 }
 
-// Further positions of the same samples, wave by wave, until each is the mean of all of its positions.
-void PathWorker::add_highlight_positions(SampleBuffer& samples) {
+/// For weights against splats, which ask adaptive sampling too.
+float PathWorker::shared_by(const PixelSamples::Sample& sample) const {
+    return adaptive_ != nullptr ? static_cast<float>(sample.paths) : 1.0F;
+}
+
+void PathWorker::record_first_paths(const SampleBlock& block, const SampleBuffer& samples) {
+    for (uint32_t p = 0; p < block.pixel_count; ++p) {
+        for (uint32_t s = 0; s < block.sample_count; ++s) {
+            const size_t slot = size_t{s} * block.pixel_count + p;
+            adaptive_->record(block.tile_x + block.pixel_x[p], block.tile_y + block.pixel_y[p],
+                              luminance(samples.radiance_of(slot)), rays_per_slot_[slot]);
+        }
+    }
+}
+
+void PathWorker::count_rays(const PathArray<uint32_t>& slots, size_t count) {
+    for (size_t i = 0; i < count; ++i) ++rays_per_slot_[slots[i]];
+}
+
+// Wave by wave, until each sample is the mean of all of its paths.
+void PathWorker::add_further_paths(SampleBuffer& samples) {
     // An observer has seen the sample already.
     PathObserver* observer = std::exchange(observer_, nullptr);
     paths_.rays.count = 0;
-    for (const HighlightSamples::Sample& sample : highlights_->found()) {
-        for (uint32_t i = 1; i < sample.pixel->positions; ++i) {
-            const CameraStart start = highlights_->start(sample, i);
-            if (!(start.weight > 0.0F)) continue;
-            if (paths_.rays.count == max_slots_per_block) trace_highlight_positions(samples);
-            position_slots_.push_back(sample.slot);
+    for (const PixelSamples::Sample& sample : pixel_samples_->found()) {
+        for (uint32_t i = 1; i < sample.paths; ++i) {
+            const CameraStart start = pixel_samples_->start(sample, i);
+            if (!(start.weight > 0.0F)) {
+                if (counts_rays_) adaptive_->record(sample.x, sample.y, 0.0F, 0);
+                continue;
+            }
+            if (paths_.rays.count == max_slots_per_block) trace_further_paths(samples);
+            if (rivals_) rivals_->paths_per_sample[further_.size()] = shared_by(sample);
+            further_.push_back(&sample);
             push_path(start.origin, start.direction, start.weight, start.seed, start.index);
         }
     }
-    trace_highlight_positions(samples);
+    trace_further_paths(samples);
     observer_ = observer;
-    for (const HighlightSamples::Sample& sample : highlights_->found()) {
-        const float share = 1.0F / static_cast<float>(sample.pixel->positions);
+    for (const PixelSamples::Sample& sample : pixel_samples_->found()) {
+        const float share = 1.0F / static_cast<float>(sample.paths);
         for (int c = 0; c < 3; ++c) {
             samples.radiance[c][sample.slot] *= share;
             if (context_.aovs.caustic) samples.caustic[c][sample.slot] *= share;
@@ -159,21 +188,27 @@ void PathWorker::add_highlight_positions(SampleBuffer& samples) {
     }
 }
 
-void PathWorker::trace_highlight_positions(SampleBuffer& samples) {
-    clear_samples(*position_samples_, context_.aovs, position_slots_.size());
-    trace_paths(*position_samples_);
-    for (size_t i = 0; i < position_slots_.size(); ++i) {
+void PathWorker::trace_further_paths(SampleBuffer& samples) {
+    if (counts_rays_) std::fill_n(rays_per_slot_.data(), further_.size(), 0U);
+    clear_samples(*further_samples_, context_.aovs, further_.size());
+    trace_paths(*further_samples_);
+    for (size_t i = 0; i < further_.size(); ++i) {
+        const PixelSamples::Sample& sample = *further_[i];
+        if (counts_rays_) {
+            adaptive_->record(sample.x, sample.y, luminance(further_samples_->radiance_of(i)), rays_per_slot_[i]);
+        }
         for (int c = 0; c < 3; ++c) {
-            samples.radiance[c][position_slots_[i]] += position_samples_->radiance[c][i];
-            if (context_.aovs.caustic) samples.caustic[c][position_slots_[i]] += position_samples_->caustic[c][i];
+            samples.radiance[c][sample.slot] += further_samples_->radiance[c][i];
+            if (context_.aovs.caustic) samples.caustic[c][sample.slot] += further_samples_->caustic[c][i];
         }
     }
-    position_slots_.clear();
+    further_.clear();
     paths_.rays.count = 0;
 }
 
 void PathWorker::trace(uint32_t bounce) {
     rays_ += paths_.rays.count;
+    if (counts_rays_) count_rays(paths_.slot, paths_.rays.count);
     context_.accelerator.intersect(paths_.rays, bounce == 0, hits_);
 }
 
@@ -210,7 +245,11 @@ NEPHROID_FLATTEN void PathWorker::carry_sums(uint32_t bounce) {
         const FloatV cosine = dot(vertices_.geometric_normal.load(k), vertices_.wo.load(k));
         if (bounce == 0) {
             const CameraView<FloatV> view = light_tracing_->projection.view(vertices_.position.load(k));
-            rivals_->sums.store(k, mis_camera_start(view.pixel_density * cosine, light_tracing_->light_paths));
+            const UintV slot(&vertices_.slot[k], stdx::vector_aligned);
+            const FloatV camera_paths =
+                gather(rivals_->paths_per_sample.data(), slot, first_lanes(vertices_.count - k));
+            rivals_->sums.store(
+                k, mis_camera_start(view.pixel_density * cosine * camera_paths, FloatV(light_tracing_->light_paths)));
             continue;
         }
         const auto active = first_lanes(vertices_.count - k);

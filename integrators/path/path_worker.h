@@ -6,8 +6,8 @@
 
 #include "guiding/directional_guide.h"
 #include "integrators/integrator.h"
-#include "integrators/path/highlight_samples.h"
 #include "integrators/path/path_observer.h"
+#include "integrators/path/pixel_samples.h"
 #include "integrators/path/wave.h"
 #include "integrators/subpaths/light_tracing.h"
 
@@ -17,9 +17,10 @@ class PathWorker final : public IntegratorWorker {
   public:
     /// `guide` may be null: directions then come from the BSDF alone. `film_guide` may be null: film positions then lie
     /// evenly in their pixel. `light_tracing` may be null: otherwise samples are weighted against the splats of light
-    /// paths, which are the caller's to add.
+    /// paths, which are the caller's to add, with the same `adaptive`. That may be null: otherwise samples are means
+    /// of as many paths as it says, and it is told what they found.
     PathWorker(const RenderContext& context, const DirectionalGuide* guide, const FilmGuide* film_guide = nullptr,
-               const LightTracing* light_tracing = nullptr);
+               const LightTracing* light_tracing = nullptr, AdaptiveSampling* adaptive = nullptr);
     void render(const SampleBlock& block, SampleBuffer& samples) override;
     /// Who watches the paths from now on; null: nobody. The observer must outlive its use.
     void set_observer(PathObserver* observer) {
@@ -34,9 +35,12 @@ class PathWorker final : public IntegratorWorker {
     uint64_t rays() const override { return rays_; }
 
   private:
-    void start_in_highlights(const SampleBlock& block);
-    void add_highlight_positions(SampleBuffer& samples);
-    void trace_highlight_positions(SampleBuffer& samples);
+    void start_special_samples(const SampleBlock& block);
+    float shared_by(const PixelSamples::Sample& sample) const;
+    void record_first_paths(const SampleBlock& block, const SampleBuffer& samples);
+    void add_further_paths(SampleBuffer& samples);
+    void trace_further_paths(SampleBuffer& samples);
+    void count_rays(const PathArray<uint32_t>& slots, size_t count);
     void push_path(const Vec3& origin, const Vec3& direction, float throughput, uint32_t seed, uint32_t index);
     void trace_paths(SampleBuffer& samples);
     void trace(uint32_t bounce);
@@ -73,9 +77,12 @@ class PathWorker final : public IntegratorWorker {
     ShadowWave shadows_;
     PathObserver* observer_ = nullptr;
     std::optional<PathArray<uint32_t>> scattered_from_;  ///< Of each new ray: its vertex. For observers alone.
-    std::optional<HighlightSamples> highlights_;         ///< Empty without film guide.
-    std::optional<SampleBuffer> position_samples_;       ///< Of a wave of further positions in highlights.
-    std::vector<uint32_t> position_slots_;               ///< Which slot of the block each of them belongs to.
+    std::optional<PixelSamples> pixel_samples_;          ///< Empty without film guide and adaptive sampling.
+    std::optional<SampleBuffer> further_samples_;        ///< Of a wave of samples' second and further paths.
+    std::vector<const PixelSamples::Sample*> further_;   ///< Whose they are.
+    AdaptiveSampling* adaptive_;                         ///< Null: pixels are not learned about.
+    bool counts_rays_ = false;                           ///< While it is told of paths.
+    AlignedArray<uint32_t> rays_per_slot_{0};            ///< Of the wave, if so.
     std::unique_ptr<GuideWorker> guide_;                 ///< Null: not guided.
     float least_guided_alpha_ = 0.0F;                    ///< DirectionalGuide::least_alpha.
     bool guide_leads_on_ = false;                        ///< DirectionalGuide::leads_on.

@@ -37,6 +37,10 @@ void LightSubpaths::trace(const SampleBlock& block, SampleBuffer& samples) {
     std::fill_n(stored_.last.data(), block.slot_count(), no_vertex);
     const uint32_t max_depth = context_.render.max_depth;
     if (max_depth == 0 || context_.render.lights.empty()) return;
+    tile_x_ = block.tile_x;
+    tile_y_ = block.tile_y;
+    is_recorded_ = context_.adaptive != nullptr && context_.adaptive->recording();
+    const uint64_t rays_before = ray_count();
     start(block);
     for (uint32_t bounce = 0; tracer_.paths.rays.count > 0; ++bounce) {
         tracer_.trace(false);
@@ -56,6 +60,7 @@ void LightSubpaths::trace(const SampleBlock& block, SampleBuffer& samples) {
         if (guide_) look_from_next_vertices();
         tracer_.scatter_sums(context_.connections, guide_ ? &*from_next_ : nullptr);
     }
+    if (is_recorded_) context_.adaptive->record_light_rays(tile_x_, tile_y_, ray_count() - rays_before);
 }
 
 // Light paths are spread evenly over the samples of the block: parts of a block may be dropped. They count as many
@@ -242,18 +247,35 @@ NEPHROID_FLATTEN void LightSubpaths::weigh_splats() {
             back_pdf = mixed_pdf(gather(from_camera_->fraction.data(), vertex, active), back_pdf,
                                  gather(from_camera_->pdf.data(), vertex, active));
         }
-        const FloatV weight = mis_weight_camera(splats_.sums.load(i), density, context_.light_paths, back_pdf) *
+        const FloatV weight = mis_weight_camera(splats_.sums.load(i), density * camera_paths_of_splats(i),
+                                                context_.light_paths, back_pdf) *
                               density / maximum(load(splats_.back_cosine), FloatV(mis_floor));
         shadows.contribution.store(i, shadows.contribution.load(i) * weight);
     }
 }
 
+/// Per sample of the pixels that splats i and following come to.
+FloatV LightSubpaths::camera_paths_of_splats(size_t i) const {
+    if (context_.adaptive == nullptr) return FloatV(1.0F);
+    alignas(simd_alignment) float paths[simd_width] = {};
+    for (size_t lane = 0; lane < simd_width && i + lane < splats_.shadows.rays.count; ++lane) {
+        paths[lane] = static_cast<float>(context_.adaptive->paths(static_cast<int>(splats_.film_x[i + lane]),
+                                                                  static_cast<int>(splats_.film_y[i + lane])));
+    }
+    return FloatV(paths, stdx::vector_aligned);
+}
+
 void LightSubpaths::add_splats(SampleBuffer& samples) {
     const ShadowWave& shadows = splats_.shadows;
+    const float share_of_sample = 1.0F / (context_.light_paths * static_cast<float>(context_.one_in));
     for (size_t i = 0; i < shadows.rays.count; ++i) {
         if (shadows.occluded[i] != 0) continue;
-        samples.splats.push_back({static_cast<int>(splats_.film_x[i]), static_cast<int>(splats_.film_y[i]),
-                                  shadows.slot[i], shadows.caustic[i] == is_caustic, shadows.contribution.get(i)});
+        const int x = static_cast<int>(splats_.film_x[i]), y = static_cast<int>(splats_.film_y[i]);
+        const Rgb value = shadows.contribution.get(i);
+        samples.splats.push_back({x, y, shadows.slot[i], shadows.caustic[i] == is_caustic, value});
+        if (is_recorded_) {
+            context_.adaptive->record_splat(tile_x_, tile_y_, x, y, luminance(value) * share_of_sample);
+        }
     }
 }
 

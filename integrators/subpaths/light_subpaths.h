@@ -48,6 +48,7 @@ class LightSubpaths {
     void connect_to_camera();
     void look_from_camera();
     void weigh_splats();
+    FloatV camera_paths_of_splats(size_t i) const;
     void add_splats(SampleBuffer& samples);
     void look_from_next_vertices();
     void start_questions(GuideBatch& questions) const;
@@ -68,6 +69,8 @@ class LightSubpaths {
     AlignedArray<float> emitted_;            ///< Per slot: largest component of the weight.
     SplatWave splats_;
     uint64_t shadow_ray_count_ = 0;
+    int tile_x_ = 0, tile_y_ = 0;  ///< Of the block.
+    bool is_recorded_ = false;     ///< By LightTracing::adaptive.
 };
 
 }  // namespace nephroid

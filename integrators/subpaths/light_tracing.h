@@ -6,6 +6,7 @@
 #include "core/light_emission.h"
 #include "guiding/directional_guide.h"
 #include "integrators/integrator.h"
+#include "integrators/path/adaptive_sampling.h"
 #include "integrators/path/wave.h"
 #include "integrators/subpaths/mis_recursion.h"
 
@@ -23,6 +24,7 @@ struct LightTracing {
     bool connections = true;
     uint32_t one_in = 1;                      ///< Samples for each that brings a light path: a power of two up to 64.
     const DirectionalGuide* guide = nullptr;  ///< Of camera paths; null: none.
+    AdaptiveSampling* adaptive = nullptr;     ///< Of camera paths, told of splats; null: one for each sample.
 };
 
 /// MisSums per path.
@@ -54,11 +56,12 @@ struct MisArray {
 /// Of camera paths whose only rivals are splats.
 struct RivalWave {
     explicit RivalWave(size_t capacity)
-        : path_chain(capacity), sums(capacity), light(capacity), ray_density(capacity) {}
-    PathArray<float> path_chain;   ///< Per path: MisSums::chain past the last scattering.
-    MisArray sums;                 ///< Per vertex.
-    PathArray<uint32_t> light;     ///< Per vertex: the light that was sampled.
-    PathArray<float> ray_density;  ///< Per vertex: of rays emitted the other way around.
+        : paths_per_sample(capacity), path_chain(capacity), sums(capacity), light(capacity), ray_density(capacity) {}
+    PathArray<float> paths_per_sample;  ///< Per slot: camera paths of a sample of its pixel.
+    PathArray<float> path_chain;        ///< Per path: MisSums::chain past the last scattering.
+    MisArray sums;                      ///< Per vertex.
+    PathArray<uint32_t> light;          ///< Per vertex: the light that was sampled.
+    PathArray<float> ray_density;       ///< Per vertex: of rays emitted the other way around.
 };
 
 /// How light has come to a vertex of a light sub-path, for the caustic layer.

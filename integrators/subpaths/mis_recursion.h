@@ -35,10 +35,11 @@ struct MisSums {
 inline constexpr float mis_floor = 1e-10F;
 
 /// At the camera sub-path's first surface vertex; `density`: of one pixel's camera rays there, per area. Every camera
-/// sample comes with as many light paths as the picture has pixels that trace, all of which may splat its pixel.
+/// sample comes with as many light paths as the picture has pixels that trace, all of which may splat its pixel; where
+/// it is several camera paths, their number is a factor of the density.
 template <class F>
-MisSums<F> mis_camera_start(const F& density, float light_paths) {
-    return {squared(F(light_paths) / maximum(density, F(mis_floor))), F(0.0F)};
+MisSums<F> mis_camera_start(const F& density, const F& light_paths) {
+    return {squared(light_paths / maximum(density, F(mis_floor))), F(0.0F)};
 }
 
 /// At the light sub-path's first surface vertex. `direct_pdf`: of next event estimation from there, `ray_density`: of
