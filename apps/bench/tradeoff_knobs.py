@@ -44,6 +44,7 @@ KNOBS: dict[str, Knob] = {
     "photons": knob("photons", "photons for each cached point", "0 8 16 32 64 128", "32"),
     "guide_fraction": knob("guide_fraction", "the guide's probability against the BSDF's",
                            "auto 0.1 0.25 0.5 0.75 0.9", "auto"),
+    "adaptive": knob("adaptive", "more paths for pixels that deviate more", "on off", "on"),
     "merge_distance": knob("merge_distance", "distance in triangle edges below which paths share a lobe",
                            "0 0.03 0.1 0.3 1 3", "0.1"),
     "search_seconds": knob("search_seconds", "processor seconds that the search may take before points are left out",
