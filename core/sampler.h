@@ -3,12 +3,14 @@
 //
 // Low discrepancy: every dimension pair is its own (0,2)-sequence: the first two Sobol dimensions, Owen-scrambled by
 // hashing, with the order of the samples Owen-shuffled per pair (padding, Burley 2020). Each power-of-two run of
-// samples is stratified in every elementary interval of every pair. Pixels are decorrelated by independent scrambles.
+// samples is stratified in every elementary interval of every pair; triples are the first three dimensions, a
+// (1,3)-sequence. Pixels are decorrelated by independent scrambles.
 // Independent: hashed counters, for statistics that assume independence.
 //
 // All functions are templates over U = uint32_t or UintV, so that a batch of paths draws a vector at a time.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <utility>
 
@@ -35,7 +37,7 @@ U hash_combine(const U& a, const U& b) {
 }
 
 template <class U>
-U reverse_bits(U x) {
+constexpr U reverse_bits(U x) {
     x = ((x >> 1) & U(0x55555555U)) | ((x & U(0x55555555U)) << 1);
     x = ((x >> 2) & U(0x33333333U)) | ((x & U(0x33333333U)) << 2);
     x = ((x >> 4) & U(0x0f0f0f0fU)) | ((x & U(0x0f0f0f0fU)) << 4);
@@ -65,6 +67,24 @@ U sobol_second_reversed(U i) {
     i ^= (i >> 2) & U(0x33333333U);
     i ^= (i >> 1) & U(0x55555555U);
     return i;
+}
+
+/// Direction numbers of the third Sobol dimension (polynomial x^2 + x + 1, m = 1, 3), bit-reversed.
+inline constexpr std::array<uint32_t, 32> sobol_third_reversed_numbers = [] {
+    std::array<uint32_t, 32> numbers{1, 3};
+    for (size_t k = 2; k < numbers.size(); ++k) {
+        numbers[k] = (numbers[k - 1] << 1) ^ (numbers[k - 2] << 2) ^ numbers[k - 2];
+    }
+    for (size_t k = 0; k < numbers.size(); ++k) numbers[k] = reverse_bits(numbers[k] << (31 - k));
+    return numbers;
+}();
+
+/// Third Sobol dimension of index i, bit-reversed.
+template <class U>
+U sobol_third_reversed(const U& i) {
+    U x(0U);
+    for (uint32_t k = 0; k < 32; ++k) x ^= (U(0U) - ((i >> k) & U(1U))) & U(sobol_third_reversed_numbers[k]);
+    return x;
 }
 
 /// [0, 1): the upper 24 bits, so that the result is never rounded up to 1.
@@ -98,6 +118,17 @@ std::pair<UnitFloat<U>, UnitFloat<U>> sample_2d(SamplerKind kind, const U& seed,
     const U x = reverse_bits(owen_scramble_reversed(shuffled, seed_x));
     const U y = reverse_bits(owen_scramble_reversed(sobol_second_reversed(shuffled), seed_y));
     return {unit_float(x), unit_float(y)};
+}
+
+/// Three coordinates that are stratified together: sample_2d's two, and a third one of its own.
+template <class U>
+std::array<UnitFloat<U>, 3> sample_3d(SamplerKind kind, const U& seed, const U& index, uint32_t dimension) {
+    const auto [x, y] = sample_2d(kind, seed, index, dimension);
+    const U pair_seed = hash_combine(seed, U(dimension));
+    const U seed_z = hash_uint(U(pair_seed ^ U(0x1b56c4e9U)));
+    if (kind == SamplerKind::independent) return {x, y, unit_float(hash_combine(seed_z, index))};
+    const U shuffled = reverse_bits(owen_scramble_reversed(reverse_bits(index), pair_seed));
+    return {x, y, unit_float(reverse_bits(owen_scramble_reversed(sobol_third_reversed(shuffled), seed_z)))};
 }
 
 /// The coordinate of dimension `dimension` of sample `index`: an Owen-scrambled van der Corput sequence.

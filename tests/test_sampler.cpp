@@ -2,7 +2,9 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <map>
 #include <set>
+#include <utility>
 #include <vector>
 
 #include "core/sampler.h"
@@ -32,6 +34,28 @@ TEST_CASE("every power-of-two run of the Sobol pairs is a (0,2)-net") {
     }
 }
 
+TEST_CASE("every power-of-two run of the Sobol triples is a (1,3)-net whose pairs are samples in two dimensions") {
+    for (const uint32_t seed : {1U, 0xdeadbeefU}) {
+        for (uint32_t bits = 1; bits <= 8; ++bits) {
+            const uint32_t n = 1U << bits;
+            for (uint32_t x_bits = 0; x_bits < bits; ++x_bits) {
+                for (uint32_t y_bits = 0; x_bits + y_bits < bits; ++y_bits) {
+                    std::map<uint32_t, uint32_t> cells;
+                    for (uint32_t i = 5 * n; i < 6 * n; ++i) {
+                        const auto [x, y, z] = sample_3d(SamplerKind::sobol, seed, i, 3);
+                        const auto cell = [](float value, uint32_t cell_bits) {
+                            return static_cast<uint32_t>(value * static_cast<float>(1U << cell_bits));
+                        };
+                        ++cells[cell(x, x_bits) << 20 | cell(y, y_bits) << 10 | cell(z, bits - 1 - x_bits - y_bits)];
+                        CHECK(std::pair(x, y) == sample_2d(SamplerKind::sobol, seed, i, 3));
+                    }
+                    for (const auto& [cell, count] : cells) CHECK(count == 2);
+                }
+            }
+        }
+    }
+}
+
 TEST_CASE("one-dimensional samples are stratified") {
     for (uint32_t bits = 1; bits <= 10; ++bits) {
         const uint32_t n = 1U << bits;
@@ -53,10 +77,14 @@ TEST_CASE("vector and scalar samples are the same bits") {
     for (const SamplerKind kind : {SamplerKind::sobol, SamplerKind::independent}) {
         const auto [x, y] =
             sample_2d(kind, UintV(seeds, stdx::vector_aligned), UintV(indices, stdx::vector_aligned), 4);
+        const auto triple =
+            sample_3d(kind, UintV(seeds, stdx::vector_aligned), UintV(indices, stdx::vector_aligned), 4);
         for (size_t i = 0; i < simd_width; ++i) {
             const auto [sx, sy] = sample_2d(kind, seeds[i], indices[i], 4);
             CHECK(static_cast<float>(x[i]) == sx);
             CHECK(static_cast<float>(y[i]) == sy);
+            const std::array<float, 3> scalar = sample_3d(kind, seeds[i], indices[i], 4);
+            for (size_t axis = 0; axis < 3; ++axis) CHECK(static_cast<float>(triple[axis][i]) == scalar[axis]);
         }
     }
 }

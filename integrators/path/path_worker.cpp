@@ -13,9 +13,10 @@ namespace nephroid {
 
 namespace {
 
-// Dimension pairs of a sample: the film, then five per scattering.
+// Dimension pairs of a sample: the film, then five per scattering, one of them spare. The guide's choice is stratified
+// with the direction.
 constexpr uint32_t film_dimension = 0;
-enum VertexDimension : uint32_t { lobe_and_roulette, direction, light_point, light_choice, guide_choice, per_vertex };
+enum VertexDimension : uint32_t { lobe_and_roulette, direction, light_point, light_choice, spare, per_vertex };
 
 constexpr uint32_t dimension_of(uint32_t bounce, VertexDimension dimension) {
     return 1 + bounce * per_vertex + dimension;
@@ -400,7 +401,7 @@ NEPHROID_FLATTEN void PathWorker::choose_directions(uint32_t bounce) {
         const UintV seed = gather(seeds_.data(), slot, active);
         const UintV index = gather(indices_.data(), slot, active);
         const FloatV u_lobe = sample_2d(context_.sampler, seed, index, dimension_of(bounce, lobe_and_roulette)).first;
-        const auto [u, v] = sample_2d(context_.sampler, seed, index, dimension_of(bounce, direction));
+        const auto [u, v, choice] = sample_3d(context_.sampler, seed, index, dimension_of(bounce, direction));
         const Frame<FloatV> frame = make_frame(vertices_.shading_normal.load(k));
         const BsdfParameters<FloatV> bsdf = vertices_.bsdf(k);
         const BsdfSample<FloatV> sample = sample_bsdf(bsdf, frame.to_local(vertices_.wo.load(k)), u_lobe, u, v);
@@ -409,8 +410,7 @@ NEPHROID_FLATTEN void PathWorker::choose_directions(uint32_t bounce) {
         select(sample.delta, FloatV(1.0F), FloatV(0.0F)).copy_to(&wave.delta[k], stdx::vector_aligned);
         const auto narrow = is_narrow_metal(bsdf.metallic, bsdf.alpha, least_guided_alpha_);
         select(narrow, FloatV(0.0F), FloatV(1.0F)).copy_to(&batch.fraction[k], stdx::vector_aligned);
-        sample_1d(context_.sampler, seed, index, dimension_of(bounce, guide_choice))
-            .copy_to(&batch.u_choice[k], stdx::vector_aligned);
+        choice.copy_to(&batch.u_choice[k], stdx::vector_aligned);
         u.copy_to(&batch.u[k], stdx::vector_aligned);
         v.copy_to(&batch.v[k], stdx::vector_aligned);
     }
