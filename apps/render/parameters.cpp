@@ -139,8 +139,7 @@ std::vector<ParameterDescription> guided_parameters() {
          "5",
          "fewer cached points where finding their paths of one reflection would take about so many processor seconds: "
          "for rough casters; below 512 none are searched, and lobes come from photons alone; counted, not timed, so "
-         "that "
-         "the picture is the same on every machine",
+         "that the picture is the same on every machine",
          {},
          NumberRange{1e-3, 1e5, false}},
         {"search_share",

@@ -39,6 +39,16 @@ float paths_for(float deviation, float unit) {
     return std::clamp(std::floor(deviation / unit + 0.5F), 1.0F, most_paths);
 }
 
+/// Calls visit(index) for the pixels around one of a picture of width x height, itself among them.
+template <class Visit>
+void for_neighbourhood(int x, int y, int width, int height, const Visit& visit) {
+    for (int v = std::max(y - neighbourhood, 0); v <= std::min(y + neighbourhood, height - 1); ++v) {
+        for (int u = std::max(x - neighbourhood, 0); u <= std::min(x + neighbourhood, width - 1); ++u) {
+            visit(static_cast<size_t>(v * width + u));
+        }
+    }
+}
+
 /// Deviations by magnitude, so that the search for a unit does not look at every pixel again.
 class DeviationCounts {
   public:
@@ -158,12 +168,10 @@ void AdaptiveSampling::tell_radiance_around() {
     tbb::parallel_for(0, height, [&](int y) {
         for (int x = 0; x < width; ++x) {
             float around = 0.0F, count = 0.0F;
-            for (int v = std::max(y - neighbourhood, 0); v <= std::min(y + neighbourhood, height - 1); ++v) {
-                for (int u = std::max(x - neighbourhood, 0); u <= std::min(x + neighbourhood, width - 1); ++u) {
-                    around += seen_[static_cast<size_t>(v * width + u)].mean;
-                    count += 1.0F;
-                }
-            }
+            for_neighbourhood(x, y, width, height, [&](size_t i) {
+                around += seen_[i].mean;
+                count += 1.0F;
+            });
             radiance_[static_cast<size_t>(y * width + x)] = std::max(around / count, least);
         }
     });
@@ -181,14 +189,11 @@ std::vector<float> AdaptiveSampling::deviations() const {
             float spread = seen.spread, freedom = static_cast<float>(seen.count - 1);
             if (pixels_[i].is_known == 0) {
                 float around = 0.0F, count = 0.0F;
-                for (int v = std::max(y - neighbourhood, 0); v <= std::min(y + neighbourhood, height - 1); ++v) {
-                    for (int u = std::max(x - neighbourhood, 0); u <= std::min(x + neighbourhood, width - 1); ++u) {
-                        const auto k = static_cast<size_t>(v * width + u);
-                        if (pixels_[k].is_known != 0 || seen_[k].count < 2) continue;
-                        around += seen_[k].spread / static_cast<float>(seen_[k].count - 1);
-                        count += 1.0F;
-                    }
-                }
+                for_neighbourhood(x, y, width, height, [&](size_t k) {
+                    if (pixels_[k].is_known != 0 || seen_[k].count < 2) return;
+                    around += seen_[k].spread / static_cast<float>(seen_[k].count - 1);
+                    count += 1.0F;
+                });
                 if (count > 0.0F) {
                     spread += neighbours_paths * around / count;
                     freedom += neighbours_paths;
