@@ -80,14 +80,14 @@ void Film::add_splats(const SampleBlock& block, uint32_t skip, uint32_t take, co
     const double scale = 1.0 / static_cast<double>(light_paths_per_sample(image_width_, image_height_, crop_));
     for (const Splat& splat : buffer.splats) {
         const uint32_t sample = splat.slot / block.pixel_count;
-        if (sample < skip || sample >= skip + take || !in_crop(splat.x, splat.y)) continue;
+        if (sample < skip || sample >= skip + take || !crop_.contains(splat.x, splat.y)) continue;
         // "Not below" rather than "above": NaN must be counted too.
         const float sum = splat.value.r + splat.value.g + splat.value.b;
         if (!(static_cast<double>(sum) < ExactSums::largest_value)) {
             count(nonfinite_splat_count, 1);
             continue;
         }
-        const size_t pixel = pixel_index(splat.x, splat.y);
+        const size_t pixel = crop_.index_of(splat.x, splat.y);
         for (int c = 0; c < 3; ++c) {
             const size_t i = pixel * 3 + static_cast<size_t>(c);
             const auto value = static_cast<double>(splat.value[c]);
@@ -103,8 +103,8 @@ void Film::add(const SampleBlock& block, uint32_t skip, uint32_t take, const Sam
     for (uint32_t p = 0; p < block.pixel_count; ++p) {
         const int x = block.tile_x + block.pixel_x[p];
         const int y = block.tile_y + block.pixel_y[p];
-        if (!in_crop(x, y)) continue;
-        const size_t pixel = pixel_index(x, y);
+        if (!crop_.contains(x, y)) continue;
+        const size_t pixel = crop_.index_of(x, y);
         counts_[pixel] += take;
         for (uint32_t s = skip; s < skip + take; ++s) {
             const size_t slot = size_t{s} * block.pixel_count + p;

@@ -20,6 +20,11 @@ struct PixelRegion {
     int y1 = 0;
     int width() const { return x1 - x0; }
     int height() const { return y1 - y0; }
+    bool contains(int x, int y) const { return x >= x0 && x < x1 && y >= y0 && y < y1; }
+    /// Of a pixel inside, row by row.
+    size_t index_of(int x, int y) const {
+        return static_cast<size_t>(y - y0) * static_cast<size_t>(width()) + static_cast<size_t>(x - x0);
+    }
     bool operator==(const PixelRegion&) const = default;
 };
 
@@ -144,12 +149,7 @@ class Film {
     void add_splats(const SampleBlock& block, uint32_t skip, uint32_t take, const SampleBuffer& buffer);
     double splat_variance(size_t i) const;
     void set_variance(const std::vector<double>& variances);
-    bool in_crop(int x, int y) const { return x >= crop_.x0 && x < crop_.x1 && y >= crop_.y0 && y < crop_.y1; }
     double light_paths() const { return static_cast<double>(splat_counts_[light_path_count]); }
-    size_t pixel_index(int x, int y) const {
-        return static_cast<size_t>(y - crop_.y0) * static_cast<size_t>(crop_.width()) +
-               static_cast<size_t>(x - crop_.x0);
-    }
 
     int image_width_;
     int image_height_;

@@ -120,21 +120,21 @@ AdaptiveSampling::AdaptiveSampling(const PixelRegion& crop)
       further_share_(first_further_share) {}
 
 void AdaptiveSampling::start_with(int x, int y, uint32_t paths) {
-    if (!contains(x, y)) return;
-    Pixel& pixel = pixels_[index_of(x, y)];
+    if (!crop_.contains(x, y)) return;
+    Pixel& pixel = pixels_[crop_.index_of(x, y)];
     pixel.paths = paths;
     pixel.is_known = 1;
 }
 
 uint32_t AdaptiveSampling::first_path(int x, int y, uint32_t index) const {
-    if (!contains(x, y)) return index;
-    const Pixel& pixel = pixels_[index_of(x, y)];
+    if (!crop_.contains(x, y)) return index;
+    const Pixel& pixel = pixels_[crop_.index_of(x, y)];
     return pixel.earlier_paths + (index - last_lesson_) * pixel.paths;
 }
 
 void AdaptiveSampling::record_splat(int tile_x, int tile_y, int x, int y, float radiance) {
-    if (!contains(x, y)) return;
-    const double around = double{radiance_[index_of(x, y)]};
+    if (!crop_.contains(x, y)) return;
+    const double around = double{radiance_[crop_.index_of(x, y)]};
     const double square = double{radiance} * double{radiance};
     if (around > 0.0 && std::isfinite(square)) light_[tile_of(tile_x, tile_y)].squares += square / around;
 }

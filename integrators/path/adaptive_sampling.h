@@ -35,13 +35,13 @@ class AdaptiveSampling final : public Learner {
     void start_with(int x, int y, uint32_t paths);
 
     /// Of one sample of a pixel of the image; outside of the crop, 1.
-    uint32_t paths(int x, int y) const { return contains(x, y) ? pixels_[index_of(x, y)].paths : 1; }
+    uint32_t paths(int x, int y) const { return crop_.contains(x, y) ? pixels_[crop_.index_of(x, y)].paths : 1; }
     /// Number of the first path of a pixel's sample `index`, counted through all paths of the pixel: they are one
     /// sequence of sample points.
     uint32_t first_path(int x, int y, uint32_t index) const;
     /// What a path found, luminance, with so many rays. One thread at a time for each pixel.
     void record(int x, int y, float radiance, uint32_t rays) {
-        if (contains(x, y)) recent_[index_of(x, y)].add(radiance, rays);
+        if (crop_.contains(x, y)) recent_[crop_.index_of(x, y)].add(radiance, rays);
     }
     /// What a light path of the tile at (tile_x, tile_y) adds to one sample of the pixel (x, y), luminance. One thread
     /// at a time for each tile, here and below.
@@ -89,11 +89,6 @@ class AdaptiveSampling final : public Learner {
         uint64_t rays = 0;
     };
 
-    bool contains(int x, int y) const { return x >= crop_.x0 && x < crop_.x1 && y >= crop_.y0 && y < crop_.y1; }
-    size_t index_of(int x, int y) const {
-        return static_cast<size_t>(y - crop_.y0) * static_cast<size_t>(crop_.width()) +
-               static_cast<size_t>(x - crop_.x0);
-    }
     size_t tile_of(int tile_x, int tile_y) const {
         return static_cast<size_t>((tile_y - crop_.y0 / tile_size * tile_size) / tile_size * tile_columns_ +
                                    (tile_x - crop_.x0 / tile_size * tile_size) / tile_size);
