@@ -25,6 +25,10 @@ constexpr uint32_t dimension_of(uint32_t bounce, VertexDimension dimension) {
 /// Throughput below which a path may end before, where a guide has taken its light already.
 constexpr float spent_throughput = 0.05F;
 
+/// Throughput below which roulette ends guided paths. Less than one: a guide leaves few dots, and of those many come
+/// from paths that roulette had made bright before they met a highlight.
+constexpr float guided_roulette_throughput = 0.25F;
+
 FloatV load(const AlignedArray<float>& values, size_t i) {
     return FloatV(&values[i], stdx::vector_aligned);
 }
@@ -463,12 +467,13 @@ NEPHROID_FLATTEN void PathWorker::weigh_lights(uint32_t bounce, bool guided) {
     }
 }
 
-// Long paths live on with their throughput's probability. Guided directions have a density so high that little
-// throughput is left after them: the light they are for has been found at the vertex they led to, `before` it scatters,
-// and what follows is hardly worth tracing.
+// Long paths live on with a probability in proportion to their throughput. Guided directions have a density so high
+// that little throughput is left after them: the light they are for has been found at the vertex they led to, `before`
+// it scatters, and what follows is hardly worth tracing.
 FloatV PathWorker::survival_probability(const FloatV& before, const FloatV& after, uint32_t bounce) const {
     const FloatV one(1.0F), least(least_survival);
-    if (bounce + 1 > roulette_start) return minimum(one, maximum(least, after));
+    const float limit = guide_ == nullptr ? 1.0F : guided_roulette_throughput;
+    if (bounce + 1 > roulette_start) return minimum(one, maximum(least, after * FloatV(1.0F / limit)));
     if (guide_ == nullptr || guide_leads_on_) return one;
     return minimum(one, maximum(least, before * FloatV(1.0F / spent_throughput)));
 }
