@@ -16,6 +16,7 @@ ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(ROOT, "apps", "bench"))
 import bench_runs  # noqa: E402: the folder must be known before
 import tradeoff_knobs  # noqa: E402
+import tradeoff_page  # noqa: E402
 
 # Counts its calls, and does what the file `behaviour` beside it says.
 STAND_IN = """#!{python}
@@ -157,6 +158,31 @@ class Scenes(unittest.TestCase):
         self.assertNotIn(b"radius", point)
         with open(bench_runs.parse_scenes("cornell")[0], "rb") as file:
             self.assertRaises(ValueError, tradeoff_knobs.with_light_radius, file.read(), 0.1)
+
+
+def trade(scene: str, errors: dict[str, float]) -> dict:
+    """A sweep of one knob with default "b": trimmed relMSE at equal time by value."""
+    points = [{"value": value, "integrator": "guided", "equal": "time", "failures": [],
+               "relmse_trimmed": {"median": error, "lowest": None, "highest": None}} for value, error in errors.items()]
+    return {"scene": scene, "knob": "knob", "meaning": "what it does", "default": "b", "points": points}
+
+
+class Advice(unittest.TestCase):
+    def test_factors_are_against_the_default_and_in_words(self) -> None:
+        sweeps = [trade("one", {"a": 4.0, "b": 1.0, "c": 0.81}), trade("two", {"a": 9.0, "b": 1.0, "c": 1.44})]
+        text = tradeoff_page.advice({"sweeps": sweeps})
+        self.assertIn("| `knob=a` | –, – | –, – | –, – | 2, 3 | worse |", text)
+        self.assertIn("| 0.9, 1.2 | depends on the scene |", text)
+        self.assertNotIn("knob=b", text)
+
+    def test_what_was_not_measured_gives_no_verdict(self) -> None:
+        text = tradeoff_page.advice({"sweeps": [trade("one", {"a": 4.0})]})
+        self.assertIn("| `knob=a` | – | – | – | – |  |", text)
+
+    def test_verdicts(self) -> None:
+        for deviations, words in (([1.0, 1.04], "no different"), ([1.0, 1.2], "no better"), ([0.8, 1.0], "better"),
+                                  ([1.1, 1.2], "worse"), ([0.8, 1.2], "depends on the scene")):
+            self.assertEqual(tradeoff_page.verdict(deviations), words)
 
 
 if __name__ == "__main__":

@@ -8,8 +8,9 @@ Each knob is swept with everything else at its default. Runs of all values take 
 stop at --spp samples, "equal time" runs at --time seconds from the process's start. The knobs `alpha` (width of the
 caster's lobe) and `light_radius` (metres) change the scene: each value has its own scene and reference in the folder,
 and `path` is measured beside `guided`; scenes without a generator that takes --alpha, or without a point light, are
-left out there, and said so. Writes FOLDER/tradeoff.json, one PNG per knob and scene, and Markdown to standard output.
-Runs that are done are not repeated; a failed one is reported, and the exit code is 1 then.
+left out there, and said so. Writes FOLDER/tradeoff.json, one PNG per knob, and Markdown to standard output. Runs that
+are done are not repeated, and what the folder has of other knobs and scenes, by the same executable with the same time,
+samples and seeds, is kept; a failed run is reported, and the exit code is 1 then.
 """
 
 from __future__ import annotations
@@ -135,14 +136,24 @@ def measure(arguments) -> dict:
     references = {scene: reference_for(arguments, scene) for scene in scenes}
     hashes = Hashes()
     progress = Progress(sum(len(sweep.points) for sweep in sweeps) * 2 * arguments.seeds)
+    path = os.path.join(arguments.out, "tradeoff.json")
     results = {"size": list(arguments.size), "seconds": arguments.time, "spp": arguments.spp, "seeds": arguments.seeds,
-               "render_sha256": hashes[arguments.render], "sweeps": []}
+               "render_sha256": hashes[arguments.render]}
+    results["sweeps"] = sweeps_measured_alike(read_json(path) or {}, results)
     for sweep in sweeps:
-        results["sweeps"].append(run_sweep(arguments, sweep, references, hashes, progress))
+        new = run_sweep(arguments, sweep, references, hashes, progress)
+        others = [old for old in results["sweeps"] if (old["scene"], old["knob"]) != (new["scene"], new["knob"])]
+        results["sweeps"] = sorted([*others, new], key=lambda sweep: list(KNOBS).index(sweep["knob"]))
         # After every sweep: an interrupted measurement leaves something to look at.
-        write_json(os.path.join(arguments.out, "tradeoff.json"), results)
+        write_json(path, results)
     progress.close()
     return results
+
+
+def sweeps_measured_alike(earlier: dict, settings: dict) -> list[dict]:
+    """Those of earlier measurements by the same executable with the same settings: other scenes and knobs are kept."""
+    alike = all(earlier.get(key) == value for key, value in settings.items())
+    return [sweep for sweep in earlier.get("sweeps", []) if sweep["knob"] in KNOBS] if alike else []
 
 
 def sweep_or_write_page(arguments) -> bool:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import os
 
 from bench_runs import write_text
-from report import number, parts
 
 PAGE_HEAD = """# What the settings of `guided` trade
 
-{size} pixels, {seeds} seeds, medians (intervals in brackets). "Equal spp": {spp} samples a pixel, however long they
+{size} pixels, {seeds}. "Equal spp": {spp} samples a pixel, however long they
 take; "equal time": {seconds} s of wall time from the process's start, precomputation included. One setting changes at a
 time, the others keep their defaults. trimmed: relMSE without the worst 0.1 % of the pixels. Lower is better everywhere
 but in spp. `path` is measured where the scene changes.
@@ -58,8 +58,15 @@ def table(sweep: dict) -> str:
 
 
 def cell(value: dict | None, factor: float) -> str:
-    middle, interval = parts(value, 3, factor)
-    return f"{middle} ({interval})" if interval else middle
+    if not value or value["median"] is None:
+        return "–"
+    middle = number(value["median"] * factor)
+    ends = [number(value[key] * factor) for key in ("lowest", "highest") if value[key] is not None]
+    return f"{middle} ({' … '.join(ends)})" if len(set(ends)) == 2 else middle
+
+
+def number(value: float) -> str:
+    return f"{value:.3g}"
 
 
 def tables(results: dict) -> str:
@@ -69,49 +76,63 @@ def tables(results: dict) -> str:
 
 # ---- plots
 
-def draw_all(results: dict, folder: str, prefix: str = "") -> dict[tuple[str, str], str]:
-    """One PNG per scene and knob; their names by (scene, knob)."""
+PANELS = [  # title, equal, key, factor
+    ("trimmed relMSE, equal time", "time", "relmse_trimmed", 1.0),
+    ("trimmed relMSE, equal spp", "spp", "relmse_trimmed", 1.0),
+    ("precompute, s", "spp", "precompute_seconds", 1.0), ("guide, MiB", "spp", "guide_bytes", 2.0 ** -20)]
+
+
+def draw_all(results: dict, folder: str, prefix: str = "") -> dict[str, str]:
+    """One PNG for each knob, a row for each scene; their names by knob."""
     import matplotlib
     matplotlib.use("Agg")
     os.makedirs(folder, exist_ok=True)
     names = {}
-    for sweep in results["sweeps"]:
-        name = f"{prefix}{sweep['knob']}_{sweep['scene']}.png"
-        draw(sweep, os.path.join(folder, name))
-        names[sweep["scene"], sweep["knob"]] = name
+    for knob, sweeps in by_knob(results).items():
+        names[knob] = f"{prefix}{knob}.png"
+        draw(sweeps, os.path.join(folder, names[knob]))
     return names
 
 
-def draw(sweep: dict, path: str) -> None:
+def by_knob(results: dict) -> dict[str, list[dict]]:
+    knobs = dict.fromkeys(sweep["knob"] for sweep in results["sweeps"])
+    return {knob: [sweep for sweep in results["sweeps"] if sweep["knob"] == knob] for knob in knobs}
+
+
+def draw(sweeps: list[dict], path: str) -> None:
     """Errors at equal time and at equal spp, and the seconds and bytes that they cost, over the knob's values."""
     from matplotlib import pyplot
-    figure, axes = pyplot.subplots(1, 4, figsize=(13.2, 3.1), layout="constrained")
+    figure, rows = pyplot.subplots(len(sweeps), len(PANELS), figsize=(13.2, 0.4 + 2.7 * len(sweeps)),
+                                   layout="constrained", squeeze=False)
+    for sweep, axes in zip(sweeps, rows):
+        for axis, panel in zip(axes, PANELS):
+            draw_panel(axis, sweep, *panel)
+        axes[0].set_ylabel(sweep["scene"])
+        if len(integrators_of(sweep)) > 1:
+            axes[0].legend(fontsize=8, frameon=False)
+    figure.suptitle(sweeps[0]["meaning"], fontsize=10)
+    figure.savefig(path, dpi=70, metadata={"Software": None})
+    pyplot.close(figure)
+
+
+def draw_panel(axis, sweep: dict, title: str, equal: str, key: str, factor: float) -> None:
     values = values_of(sweep)
     ordered = are_numbers(values)
     logarithmic = ordered and all(float(value) > 0.0 for value in values)
-    for axis, (title, equal, key, factor) in zip(axes, [
-            ("trimmed relMSE, equal time", "time", "relmse_trimmed", 1.0),
-            ("trimmed relMSE, equal spp", "spp", "relmse_trimmed", 1.0),
-            ("precompute, s", "spp", "precompute_seconds", 1.0), ("guide, MiB", "spp", "guide_bytes", 2.0 ** -20)]):
-        middles = []
-        for place, integrator in enumerate(integrators_of(sweep)):
-            middles += draw_line(axis, sweep, logarithmic, "o-" if ordered else "o", integrator, equal, key, factor,
-                                 f"C{place}")
-        if logarithmic:
-            axis.set_xscale("log")
-        else:
-            axis.set_xticks(range(len(values)), values, rotation=45 if len(values) > 4 else 0)
-        if "relmse" in key and middles and min(middles) > 0.0:
-            axis.set_yscale("log")
-        axis.set(xlabel=sweep["knob"], title=title)
-        axis.title.set_fontsize(10)
-        axis.grid(True, which="major", linewidth=0.4)
-        axis.spines[["top", "right"]].set_visible(False)
-    if len(integrators_of(sweep)) > 1:
-        axes[0].legend(fontsize=8, frameon=False)
-    figure.suptitle(f"{sweep['scene']}: {sweep['meaning']}", fontsize=10)
-    figure.savefig(path, dpi=90, metadata={"Software": None})
-    pyplot.close(figure)
+    middles = []
+    for place, integrator in enumerate(integrators_of(sweep)):
+        middles += draw_line(axis, sweep, logarithmic, "o-" if ordered else "o", integrator, equal, key, factor,
+                             f"C{place}")
+    if logarithmic:
+        axis.set_xscale("log")
+    else:
+        axis.set_xticks(range(len(values)), values, rotation=45 if len(values) > 4 else 0)
+    if "relmse" in key and middles and min(middles) > 0.0:
+        axis.set_yscale("log")
+    axis.set(xlabel=sweep["knob"], title=title)
+    axis.title.set_fontsize(10)
+    axis.grid(True, which="major", linewidth=0.4)
+    axis.spines[["top", "right"]].set_visible(False)
 
 
 def are_numbers(values: list[str]) -> bool:
@@ -141,8 +162,50 @@ def draw_line(axis, sweep, logarithmic, style, integrator, equal, key, factor, c
 
 # ---- the page
 
+def ratio(sweep: dict, value: str, equal: str, key: str) -> float | None:
+    """The value's measure over the default's."""
+    own, default = (point_of(sweep, v, "guided", equal).get(key) for v in (value, sweep["default"]))
+    if not own or not default or own["median"] is None or not default["median"]:
+        return None
+    return own["median"] / default["median"]
+
+
+def advice(results: dict) -> str:
+    """What each value other than the default does to time and error, as factors: all scenes, in their order."""
+    scenes = list(dict.fromkeys(sweep["scene"] for sweep in results["sweeps"]))
+    lines = [f"Factors against the default, on {', '.join(scenes)} (–: not measured): what changes when one setting "
+             "does. Standard deviation: the root of the trimmed relMSE's factor.", "",
+             "| setting | seconds before the first sample | seconds, equal spp | deviation, equal spp | deviation, "
+             "equal time | |", "|---|---|---|---|---|---|"]
+    for knob, sweeps in by_knob(results).items():
+        for value in values_of(sweeps[0]):
+            if sweeps[0]["default"] in (None, value):
+                continue
+            errors = [ratio(sweep, value, "time", "relmse_trimmed") for sweep in sweeps]
+            columns = [[ratio(sweep, value, "spp", "precompute_seconds") for sweep in sweeps],
+                       [ratio(sweep, value, "spp", "wall_seconds") for sweep in sweeps],
+                       roots([ratio(sweep, value, "spp", "relmse_trimmed") for sweep in sweeps]), roots(errors)]
+            cells = [", ".join("–" if v is None else f"{v:.2g}" for v in column) for column in columns]
+            lines.append(f"| `{knob}={value}` | {' | '.join(cells)} | {verdict(roots(errors))} |")
+    return "\n".join(lines)
+
+
+def roots(values: list[float | None]) -> list[float | None]:
+    return [None if value is None else math.sqrt(value) for value in values]
+
+
+def verdict(deviations: list[float | None]) -> str:
+    """In words; differences of a twentieth are a matter of seeds."""
+    known = [value for value in deviations if value is not None]
+    if not known:
+        return ""
+    if min(known) >= 0.95:
+        return "no different" if max(known) <= 1.05 else "worse" if min(known) > 1.05 else "no better"
+    return "better" if max(known) <= 1.05 else "depends on the scene"
+
+
 def findings(sweep: dict) -> str:
-    """One measured sentence: which value has the smallest error, and what the default has."""
+    """Measured: which value has the smallest error, and what the default has."""
     rows = [(value, integrator, point_of(sweep, value, integrator, "time").get("relmse_trimmed"))
             for value in values_of(sweep) for integrator in integrators_of(sweep)]
     rows = [(value, integrator, found["median"]) for value, integrator, found in rows if found]
@@ -150,35 +213,35 @@ def findings(sweep: dict) -> str:
     if not own:
         return ""
     if len(integrators_of(sweep)) > 1:
-        return " ".join(f"{sweep['knob']} {value}: {number(gain(rows, value), 3)} times `path`'s trimmed relMSE."
-                        for value in values_of(sweep) if gain(rows, value) is not None)
+        gains = [(value, gain(rows, value)) for value in values_of(sweep)]
+        return "`path`'s trimmed relMSE over `guided`'s: " + ", ".join(
+            f"{number(factor)} at {value}" for value, factor in gains if factor is not None) + "."
     best = min(own, key=lambda row: row[2])
-    text = f"Smallest trimmed relMSE at equal time: {number(best[2], 3)}, at {best[0]}"
+    text = f"Smallest trimmed relMSE at equal time: {number(best[2])}, at {best[0]}"
     default = next((row for row in own if row[0] == sweep["default"]), None)
     if default and default is not best:
-        text += f" (the default {default[0]}: {number(default[2], 3)})"
+        text += f" (the default {default[0]}: {number(default[2])})"
     return text + "."
 
 
 def gain(rows: list, value: str) -> float | None:
-    """guided's error over path's."""
+    """path's error over guided's."""
     errors = {integrator: error for v, integrator, error in rows if v == value}
-    return errors["guided"] / errors["path"] if len(errors) == 2 and errors["path"] > 0.0 else None
+    return errors["path"] / errors["guided"] if len(errors) == 2 and errors["guided"] > 0.0 else None
 
 
 def write_page(results: dict, path: str) -> None:
     """The page, and its plots beside it."""
     folder = os.path.dirname(os.path.abspath(path))
     names = draw_all(results, folder, "tradeoff_")
-    size = "x".join(map(str, results["size"]))
-    sections = [PAGE_HEAD.format(size=size, seeds=results["seeds"], spp=results["spp"],
-                                 seconds=f"{results['seconds']:g}")]
-    for knob in dict.fromkeys(sweep["knob"] for sweep in results["sweeps"]):
-        own = [sweep for sweep in results["sweeps"] if sweep["knob"] == knob]
+    seeds = results["seeds"]
+    head = PAGE_HEAD.format(size="x".join(map(str, results["size"])), spp=results["spp"],
+                            seeds="one seed" if seeds == 1 else f"{seeds} seeds, medians (intervals in brackets)",
+                            seconds=f"{results['seconds']:g}")
+    sections = [head, f"## In short\n{advice(results)}\n"]
+    for knob, own in by_knob(results).items():
         default = f" Default: {own[0]['default']}." if own[0]["default"] else ""
-        sections.append(f"## {knob}\n{own[0]['meaning'][0].upper()}{own[0]['meaning'][1:]}.{default}\n")
-        for sweep in own:
-            picture = names[sweep["scene"], knob]
-            sections.append(f"### {sweep['scene']}\n{findings(sweep)}\n\n![{knob}, {sweep['scene']}]({picture})\n\n"
-                            f"{table(sweep)}\n")
+        sections.append(f"## {knob}\n{own[0]['meaning'][0].upper()}{own[0]['meaning'][1:]}.{default}\n\n"
+                        f"![{knob}]({names[knob]})\n")
+        sections += [f"### {sweep['scene']}\n{findings(sweep)}\n\n{table(sweep)}\n" for sweep in own]
     write_text(path, "\n".join(sections))
