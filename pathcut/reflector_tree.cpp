@@ -76,7 +76,8 @@ void store_triangle(TriangleBlock& block, size_t lane, const ReflectorTriangle& 
 
 double AcceptanceOptions::max_slope(double alpha) const {
     const double a = std::max(alpha, smallest_alpha);
-    return alpha_multiple > 0.0 ? alpha_multiple * a : acceptance_slope(a, epsilon);
+    if (!(alpha_multiple > 0.0)) return acceptance_slope(a, epsilon);
+    return std::min(alpha_multiple * a, std::max(enough_slope, 2.0 * a));
 }
 
 SurfacePatch ReflectorTree::patch(uint32_t triangle) const {

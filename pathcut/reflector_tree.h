@@ -37,6 +37,8 @@ struct AcceptanceOptions {
     double epsilon = 0.01;
     /// If above zero, instead of Eq. 1: the largest slope in units of alpha.
     double alpha_multiple = 0.0;
+    /// With alpha_multiple: of rough surfaces no more than this, but two alpha in any case. Lobes that wide overlap.
+    double enough_slope = std::numeric_limits<double>::infinity();
 
     /// Largest accepted slope tan(theta_h) of a surface of roughness `alpha`, which counts as at least 1e-4.
     double max_slope(double alpha) const;

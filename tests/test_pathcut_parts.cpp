@@ -328,6 +328,21 @@ TEST_CASE("bounds of reflectors hold their triangles and all accepted half vecto
     }
 }
 
+TEST_CASE("slopes count up to a multiple of alpha, of rough surfaces up to what is enough") {
+    const AcceptanceOptions options{.alpha_multiple = 6.0, .enough_slope = 0.12};
+    CHECK(options.max_slope(0.0) == options.max_slope(1e-4));
+    CHECK(options.max_slope(1e-4) == doctest::Approx(6e-4));
+    CHECK(options.max_slope(0.02) == doctest::Approx(0.12));
+    CHECK(options.max_slope(0.05) == doctest::Approx(0.12));
+    CHECK(options.max_slope(0.1) == doctest::Approx(0.2));
+    CHECK(options.max_slope(1.0) == doctest::Approx(2.0));
+    CHECK(AcceptanceOptions{.alpha_multiple = 1.0, .enough_slope = 0.12}.max_slope(1.0) == doctest::Approx(1.0));
+    CHECK(AcceptanceOptions{.alpha_multiple = 6.0}.max_slope(1.0) == doctest::Approx(6.0));
+    // Eq. 1 knows no such limit.
+    CHECK(AcceptanceOptions{.epsilon = 0.01, .enough_slope = 0.12}.max_slope(0.1) ==
+          AcceptanceOptions{.epsilon = 0.01}.max_slope(0.1));
+}
+
 TEST_CASE("keys that are not numbers, or infinite, are ordered like others") {
     Generator generator(2);
     constexpr float inf = std::numeric_limits<float>::infinity();

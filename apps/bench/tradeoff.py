@@ -9,8 +9,8 @@ stop at --spp samples, "equal time" runs at --time seconds from the process's st
 caster's lobe) and `light_radius` (metres) change the scene: each value has its own scene and reference in the folder,
 and `path` is measured beside `guided`; scenes without a generator that takes --alpha, or without a point light, are
 left out there, and said so. Writes FOLDER/tradeoff.json, one PNG per knob, and Markdown to standard output. Runs that
-are done are not repeated, and what the folder has of other knobs and scenes, by the same executable with the same time,
-samples and seeds, is kept; a failed run is reported, and the exit code is 1 then.
+are done are not repeated, and what the folder has of other knobs and scenes, with the same time, samples and seeds, is
+kept, whatever executable it is of; a failed run is reported, and the exit code is 1 then.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def run_sweep(arguments, sweep: Sweep, references: dict[str, str], hashes: Hashe
                 failure = record.get("failure")
                 result = f"FAILED: {failure}" if failure else f"RMSE {record['statistics']['error']['rmse']:.4g}"
                 progress.end(f"{what}: {result}", time.monotonic() - start, record["reused"], bool(failure))
-    return {"scene": sweep.scene, "knob": sweep.knob, "meaning": KNOBS[sweep.knob].meaning,
+    return {"scene": sweep.scene, "knob": sweep.knob, "render_sha256": hashes[arguments.render], "meaning": KNOBS[sweep.knob].meaning,
             "default": KNOBS[sweep.knob].default,
             "points": [{"value": value, "integrator": integrator, "equal": kind, **summary(group)}
                        for (value, integrator, kind), group in records.items()]}
@@ -137,8 +137,7 @@ def measure(arguments) -> dict:
     hashes = Hashes()
     progress = Progress(sum(len(sweep.points) for sweep in sweeps) * 2 * arguments.seeds)
     path = os.path.join(arguments.out, "tradeoff.json")
-    results = {"size": list(arguments.size), "seconds": arguments.time, "spp": arguments.spp, "seeds": arguments.seeds,
-               "render_sha256": hashes[arguments.render]}
+    results = {"size": list(arguments.size), "seconds": arguments.time, "spp": arguments.spp, "seeds": arguments.seeds}
     results["sweeps"] = sweeps_measured_alike(read_json(path) or {}, results)
     for sweep in sweeps:
         new = run_sweep(arguments, sweep, references, hashes, progress)
@@ -151,7 +150,7 @@ def measure(arguments) -> dict:
 
 
 def sweeps_measured_alike(earlier: dict, settings: dict) -> list[dict]:
-    """Those of earlier measurements by the same executable with the same settings: other scenes and knobs are kept."""
+    """Those of earlier measurements with the same settings: other scenes and knobs are kept. Each names its executable."""
     alike = all(earlier.get(key) == value for key, value in settings.items())
     return [sweep for sweep in earlier.get("sweeps", []) if sweep["knob"] in KNOBS] if alike else []
 

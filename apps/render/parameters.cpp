@@ -96,8 +96,9 @@ std::vector<ParameterDescription> guided_parameters() {
         {"slope_limit",
          "0..100",
          "6",
-         "smallest slopes up to so many alpha become lobes: higher covers more of the dim surroundings of caustics and "
-         "takes longer; 0: by epsilon",
+         "smallest slopes up to so many alpha become lobes, of rough casters up to 0.12 or two alpha: higher covers "
+         "more "
+         "of the dim surroundings of caustics and takes longer; 0: by epsilon",
          {},
          NumberRange{0.0, 100.0, false}},
         {"epsilon",

@@ -39,7 +39,7 @@ struct GuidedSettings {
     int bounces = 2;  ///< Reflections of the longest paths; 1 .. max_chain_length. Photons: one, or any number.
     LongPaths long_paths = LongPaths::photons;
     /// Which paths count: below this normal distribution (Eq. 1), or within this multiple of alpha if it is above zero.
-    AcceptanceOptions acceptance{.epsilon = 0.01, .alpha_multiple = 6.0};
+    AcceptanceOptions acceptance{.epsilon = 0.01, .alpha_multiple = 6.0, .enough_slope = 0.12};
     bool newton = true;           ///< Otherwise the triangles' centres stand for the paths' vertices (Fig. 13).
     double merge_distance = 0.1;  ///< SearchOptions::merge_distance.
     Selection selection = Selection::local_minima;
