@@ -167,17 +167,27 @@ def trade(scene: str, errors: dict[str, float]) -> dict:
     return {"scene": scene, "knob": "knob", "meaning": "what it does", "default": "b", "points": points}
 
 
-class Advice(unittest.TestCase):
+class Factors(unittest.TestCase):
     def test_factors_are_against_the_default_and_in_words(self) -> None:
         sweeps = [trade("one", {"a": 4.0, "b": 1.0, "c": 0.81}), trade("two", {"a": 9.0, "b": 1.0, "c": 1.44})]
-        text = tradeoff_page.advice({"sweeps": sweeps})
+        text = tradeoff_page.factors({"sweeps": sweeps})
         self.assertIn("| `knob=a` | –, – | –, – | –, – | 2, 3 | worse |", text)
         self.assertIn("| 0.9, 1.2 | depends on the scene |", text)
         self.assertNotIn("knob=b", text)
 
     def test_what_was_not_measured_gives_no_verdict(self) -> None:
-        text = tradeoff_page.advice({"sweeps": [trade("one", {"a": 4.0})]})
+        text = tradeoff_page.factors({"sweeps": [trade("one", {"a": 4.0})]})
         self.assertIn("| `knob=a` | – | – | – | – |  |", text)
+
+    def test_written_advice_stays(self) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "page.md")
+            self.assertEqual(tradeoff_page.written_advice(path), "")
+            for text, kept in (("# Page\n\n## In short\nx\n", ""), ("# Page\n## Advice\nDo.\n\n## In short\nx\n",
+                                                                   "## Advice\nDo.\n")):
+                with open(path, "w") as file:
+                    file.write(text)
+                self.assertEqual(tradeoff_page.written_advice(path), kept)
 
     def test_verdicts(self) -> None:
         for deviations, words in (([1.0, 1.04], "no different"), ([1.0, 1.2], "no better"), ([0.8, 1.0], "better"),

@@ -170,7 +170,7 @@ def ratio(sweep: dict, value: str, equal: str, key: str) -> float | None:
     return own["median"] / default["median"]
 
 
-def advice(results: dict) -> str:
+def factors(results: dict) -> str:
     """What each value other than the default does to time and error, as factors: all scenes, in their order."""
     scenes = list(dict.fromkeys(sweep["scene"] for sweep in results["sweeps"]))
     lines = [f"Factors against the default, on {', '.join(scenes)} (–: not measured): what changes when one setting "
@@ -230,15 +230,27 @@ def gain(rows: list, value: str) -> float | None:
     return errors["path"] / errors["guided"] if len(errors) == 2 and errors["guided"] > 0.0 else None
 
 
+ADVICE = "## Advice\n"
+
+
+def written_advice(path: str) -> str:
+    """What somebody has written under "Advice" on the page that is there; empty: nothing."""
+    if not os.path.exists(path):
+        return ""
+    with open(path) as file:
+        _, title, rest = file.read().partition(ADVICE)
+    return title + rest.partition("\n## ")[0]
+
+
 def write_page(results: dict, path: str) -> None:
-    """The page, and its plots beside it."""
+    """The page, and its plots beside it; what people have written under "Advice" stays."""
     folder = os.path.dirname(os.path.abspath(path))
     names = draw_all(results, folder, "tradeoff_")
     seeds = results["seeds"]
     head = PAGE_HEAD.format(size="x".join(map(str, results["size"])), spp=results["spp"],
                             seeds="one seed" if seeds == 1 else f"{seeds} seeds, medians (intervals in brackets)",
                             seconds=f"{results['seconds']:g}")
-    sections = [head, f"## In short\n{advice(results)}\n"]
+    sections = [part for part in (head, written_advice(path), f"## In short\n{factors(results)}\n") if part]
     for knob, own in by_knob(results).items():
         default = f" Default: {own[0]['default']}." if own[0]["default"] else ""
         sections.append(f"## {knob}\n{own[0]['meaning'][0].upper()}{own[0]['meaning'][1:]}.{default}\n\n"
