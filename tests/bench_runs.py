@@ -176,6 +176,8 @@ class Factors(unittest.TestCase):
         self.assertNotIn("knob=b", text)
 
     def test_what_was_not_measured_gives_no_verdict(self) -> None:
+        one, two = trade("one", {"a": 4.0, "b": 1.0}), {**trade("two", {"a": 1.0}), "knob": "other"}
+        self.assertIn("| 2, – | worse |", tradeoff_page.factors({"sweeps": [one, two]}))
         text = tradeoff_page.factors({"sweeps": [trade("one", {"a": 4.0})]})
         self.assertIn("| `knob=a` | – | – | – | – |  |", text)
 

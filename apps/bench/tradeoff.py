@@ -103,8 +103,8 @@ def run_sweep(arguments, sweep: Sweep, references: dict[str, str], hashes: Hashe
                 failure = record.get("failure")
                 result = f"FAILED: {failure}" if failure else f"RMSE {record['statistics']['error']['rmse']:.4g}"
                 progress.end(f"{what}: {result}", time.monotonic() - start, record["reused"], bool(failure))
-    return {"scene": sweep.scene, "knob": sweep.knob, "render_sha256": hashes[arguments.render], "meaning": KNOBS[sweep.knob].meaning,
-            "default": KNOBS[sweep.knob].default,
+    return {"scene": sweep.scene, "knob": sweep.knob, "meaning": KNOBS[sweep.knob].meaning,
+            "default": KNOBS[sweep.knob].default, "render_sha256": hashes[arguments.render],
             "points": [{"value": value, "integrator": integrator, "equal": kind, **summary(group)}
                        for (value, integrator, kind), group in records.items()]}
 
@@ -150,7 +150,7 @@ def measure(arguments) -> dict:
 
 
 def sweeps_measured_alike(earlier: dict, settings: dict) -> list[dict]:
-    """Those of earlier measurements with the same settings: other scenes and knobs are kept. Each names its executable."""
+    """Those of earlier measurements with the same settings, to keep for other scenes and knobs."""
     alike = all(earlier.get(key) == value for key, value in settings.items())
     return [sweep for sweep in earlier.get("sweeps", []) if sweep["knob"] in KNOBS] if alike else []
 

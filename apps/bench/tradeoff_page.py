@@ -162,8 +162,10 @@ def draw_line(axis, sweep, logarithmic, style, integrator, equal, key, factor, c
 
 # ---- the page
 
-def ratio(sweep: dict, value: str, equal: str, key: str) -> float | None:
-    """The value's measure over the default's."""
+def ratio(sweep: dict | None, value: str, equal: str, key: str) -> float | None:
+    """The value's measure over the default's; None: not measured."""
+    if sweep is None:
+        return None
     own, default = (point_of(sweep, v, "guided", equal).get(key) for v in (value, sweep["default"]))
     if not own or not default or own["median"] is None or not default["median"]:
         return None
@@ -177,9 +179,10 @@ def factors(results: dict) -> str:
              "does. Standard deviation: the root of the trimmed relMSE's factor.", "",
              "| setting | seconds before the first sample | seconds, equal spp | deviation, equal spp | deviation, "
              "equal time | |", "|---|---|---|---|---|---|"]
-    for knob, sweeps in by_knob(results).items():
-        for value in values_of(sweeps[0]):
-            if sweeps[0]["default"] in (None, value):
+    for knob, own in by_knob(results).items():
+        sweeps = [next((sweep for sweep in own if sweep["scene"] == scene), None) for scene in scenes]
+        for value in values_of(own[0]):
+            if own[0]["default"] in (None, value):
                 continue
             errors = [ratio(sweep, value, "time", "relmse_trimmed") for sweep in sweeps]
             columns = [[ratio(sweep, value, "spp", "precompute_seconds") for sweep in sweeps],
