@@ -184,12 +184,12 @@ def factors(results: dict) -> str:
         for value in values_of(own[0]):
             if own[0]["default"] in (None, value):
                 continue
-            errors = [ratio(sweep, value, "time", "relmse_trimmed") for sweep in sweeps]
+            deviations = roots([ratio(sweep, value, "time", "relmse_trimmed") for sweep in sweeps])
             columns = [[ratio(sweep, value, "spp", "precompute_seconds") for sweep in sweeps],
                        [ratio(sweep, value, "spp", "wall_seconds") for sweep in sweeps],
-                       roots([ratio(sweep, value, "spp", "relmse_trimmed") for sweep in sweeps]), roots(errors)]
+                       roots([ratio(sweep, value, "spp", "relmse_trimmed") for sweep in sweeps]), deviations]
             cells = [", ".join("–" if v is None else f"{v:.2g}" for v in column) for column in columns]
-            lines.append(f"| `{knob}={value}` | {' | '.join(cells)} | {verdict(roots(errors))} |")
+            lines.append(f"| `{knob}={value}` | {' | '.join(cells)} | {verdict(deviations)} |")
     return "\n".join(lines)
 
 
@@ -242,7 +242,7 @@ def written_advice(path: str) -> str:
         return ""
     with open(path) as file:
         _, title, rest = file.read().partition(ADVICE)
-    return title + rest.partition("\n## ")[0]
+    return title + rest.partition("\n## ")[0].rstrip("\n") + "\n" if title else ""
 
 
 def write_page(results: dict, path: str) -> None:

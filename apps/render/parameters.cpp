@@ -97,8 +97,7 @@ std::vector<ParameterDescription> guided_parameters() {
          "0..100",
          "6",
          "smallest slopes up to so many alpha become lobes, of rough casters up to 0.12 or two alpha: higher covers "
-         "more "
-         "of the dim surroundings of caustics and takes longer; 0: by epsilon",
+         "more of the dim surroundings of caustics and takes longer; 0: by epsilon",
          {},
          NumberRange{0.0, 100.0, false}},
         {"epsilon",

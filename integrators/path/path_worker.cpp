@@ -472,8 +472,10 @@ NEPHROID_FLATTEN void PathWorker::weigh_lights(uint32_t bounce, bool guided) {
 // it scatters, and what follows is hardly worth tracing.
 FloatV PathWorker::survival_probability(const FloatV& before, const FloatV& after, uint32_t bounce) const {
     const FloatV one(1.0F), least(least_survival);
-    const float limit = guide_ == nullptr ? 1.0F : guided_roulette_throughput;
-    if (bounce + 1 > roulette_start) return minimum(one, maximum(least, after * FloatV(1.0F / limit)));
+    if (bounce + 1 > roulette_start) {
+        const float limit = guide_ == nullptr ? 1.0F : guided_roulette_throughput;
+        return minimum(one, maximum(least, after * FloatV(1.0F / limit)));
+    }
     if (guide_ == nullptr || guide_leads_on_) return one;
     return minimum(one, maximum(least, before * FloatV(1.0F / spent_throughput)));
 }
