@@ -5,7 +5,9 @@
 // `sample` draws at the same point. Virtual per wave, not per ray.
 #pragma once
 
+#include <algorithm>
 #include <memory>
+#include <span>
 
 #include "accel/wave_array.h"
 #include "core/bsdf.h"
@@ -24,7 +26,10 @@ struct GuideBatch {
           pdf(capacity),
           light_pdf(capacity),
           guided(capacity),
-          place(capacity) {}
+          place(capacity),
+          density_wanted(capacity) {
+        std::fill_n(density_wanted.data(), capacity, 1.0F);
+    }
 
     size_t count = 0;
     bool wants_light_pdf = false;  ///< Otherwise light_direction is not read and light_pdf not written.
@@ -40,11 +45,15 @@ struct GuideBatch {
                                 ///< chooses the direction; zero where it knows nothing.
 
     // Answered, where fraction > 0.
-    PathArray<float> pdf;                      ///< The mixture's density of `direction`, per solid angle.
-    PathArray<float> light_pdf;                ///< The same of light_direction.
-    PathArray<float> guided;                   ///< 1: the direction is the guide's; also where fraction is zero.
-    PathArray<uint32_t> place;                 ///< The cached point, or the like, that `fraction` is of.
+    PathArray<float> pdf;        ///< The mixture's density of `direction`, per solid angle; zero: left out.
+    PathArray<float> light_pdf;  ///< The same of light_direction.
+    PathArray<float> guided;     ///< 1: the direction is the guide's; also where fraction is zero.
+    PathArray<uint32_t> place;   ///< The cached point, or the like, that `fraction` is of.
     static constexpr uint32_t no_place = ~0U;  ///< It is of none, but of the vertex itself as it is seen from wo.
+
+    // Given; one unless the caller says otherwise.
+    PathArray<float>
+        density_wanted;  ///< Zero: where the direction given stays, its pdf may be left out, and light_pdf.
 
     /// Whether the answer would be the same for any other wo.
     bool holds_for_any_wo(size_t k) const { return fraction[k] > 0.0F && place[k] != no_place; }
@@ -80,12 +89,11 @@ struct GuidePoints {
     const PathArray<float>& metallic;
     const PathArray<float>& alpha;
 
+    BsdfParameters<float> bsdf(size_t i) const {
+        return {to_triple(base.get(i)), to_triple(coat_f0.get(i)), coat_f90[i], metallic[i], alpha[i]};
+    }
     GuideVertex get(size_t i) const {
-        return {position.get(i),
-                geometric_normal.get(i),
-                shading_normal.get(i),
-                wo.get(i),
-                {to_triple(base.get(i)), to_triple(coat_f0.get(i)), coat_f90[i], metallic[i], alpha[i]}};
+        return {position.get(i), geometric_normal.get(i), shading_normal.get(i), wo.get(i), bsdf(i)};
     }
 };
 
@@ -94,6 +102,8 @@ class GuideWorker {
   public:
     virtual ~GuideWorker() = default;
     virtual void guide(const GuidePoints& points, GuideBatch& batch) = 0;
+    /// After guide() for the same points: the pdf of these vertices, where it was left out.
+    virtual void find_densities(const GuidePoints&, std::span<const uint32_t>, GuideBatch&) {}
 };
 
 class DirectionalGuide {
@@ -105,6 +115,9 @@ class DirectionalGuide {
     /// Whether paths may carry much light after a scattering of small throughput: where guided directions lead on to
     /// more reflections. Otherwise such paths may be ended early.
     virtual bool leads_on() const = 0;
+    /// Whether it is meant for light from casters alone. Its directions count only where they meet one, and elsewhere
+    /// the BSDF's by its own part of the density: most vertices can do without the guide's.
+    virtual bool is_for_casters() const { return false; }
 };
 
 }  // namespace nephroid

@@ -42,6 +42,9 @@ struct LobeView {
 
 /// The guide of a cache. Mixtures are made of (Cache, Options) and hold those of a group of shading points: see
 /// SlopeMixtures. Options have a least_alpha.
+///
+/// Most of the work is to prepare mixtures. Where the cached points alone tell how often to guide, one is prepared only
+/// for a direction of its own or for a density that is wanted.
 template <class Mixtures>
 class CachedGuide final : public DirectionalGuide {
   public:
@@ -53,6 +56,7 @@ class CachedGuide final : public DirectionalGuide {
     std::unique_ptr<GuideWorker> make_worker() const override { return std::make_unique<Worker>(cache_, options_); }
     float least_alpha() const override { return cache_.serves_reflectors ? delta_alpha : options_.least_alpha; }
     bool leads_on() const override { return cache_.leads_on; }
+    bool is_for_casters() const override { return Mixtures::is_for_casters; }
 
   private:
     class Worker final : public GuideWorker {
@@ -63,12 +67,28 @@ class CachedGuide final : public DirectionalGuide {
         void guide(const GuidePoints& points, GuideBatch& batch) override {
             if (cells_.size() < batch.count) cells_ = PathArray<uint32_t>(batch.count);
             lookup_.find_cells(points.position, batch.fraction, batch.count, cells_);
+            asked_.clear();
+            for (size_t k = 0; k < batch.count; ++k) {
+                batch.guided[k] = 0.0F;
+                if (batch.fraction[k] > 0.0F) asked_.push_back(static_cast<uint32_t>(k));
+            }
             found_end_ = 0;
-            size_t next = 0;
-            while (next < batch.count) {
+            for (size_t next = 0; next < asked_.size();) {
                 next = collect_group(points, batch, next);
                 mixtures_.prepare();
                 for (size_t i = 0; i < group_size_; ++i) choose_direction(points, batch, i);
+            }
+        }
+
+        void find_densities(const GuidePoints& points, std::span<const uint32_t> vertices, GuideBatch& batch) override {
+            asked_.assign(vertices.begin(), vertices.end());
+            found_end_ = 0;
+            for (size_t next = 0; next < asked_.size();) {
+                next = collect_asked(points, next);
+                mixtures_.prepare();
+                for (size_t i = 0; i < group_size_; ++i) {
+                    batch.pdf[group_[i]] = mixtures_.pdf(i, batch.direction.get(group_[i]));
+                }
             }
         }
 
@@ -86,43 +106,63 @@ class CachedGuide final : public DirectionalGuide {
 
         Found& found_at(size_t k) { return found_[k % found_.size()]; }
 
-        /// Cached points near the vertices before `end`.
-        void find_points(const GuidePoints& points, const GuideBatch& batch, size_t end) {
+        /// Cached points near the vertices asked for, the i-th and some after it.
+        std::span<const FoundPoint> find_points(const GuidePoints& points, size_t i) {
+            const size_t end = std::min(i + points_ahead, asked_.size());
             for (; found_end_ < end; ++found_end_) {
-                const size_t k = found_end_;
-                if (k + cells_ahead < batch.count) lookup_.prefetch(cells_[k + cells_ahead]);
-                Found& found = found_at(k);
-                found.count = 0;
-                if (batch.fraction[k] == 0.0F) continue;
+                if (found_end_ + cells_ahead < asked_.size())
+                    lookup_.prefetch(cells_[asked_[found_end_ + cells_ahead]]);
+                Found& found = found_at(found_end_);
+                const uint32_t k = asked_[found_end_];
                 found.count = lookup_.find_in_cell(cells_[k], points.position.get(k), points.geometric_normal.get(k),
                                                    found.points);
-                for (size_t i = 0; i < found.count; ++i) __builtin_prefetch(&points_[found.points[i].index]);
+                for (size_t j = 0; j < found.count; ++j) __builtin_prefetch(&points_[found.points[j].index]);
             }
+            return std::span(found_at(i).points).first(found_at(i).count);
         }
 
-        /// Shading points from `first` on until the group is full; returns the next one.
+        /// Vertices asked for, from `first` on until the group is full, but those that can do without a mixture;
+        /// returns the next one.
         size_t collect_group(const GuidePoints& points, GuideBatch& batch, size_t first) {
             mixtures_.clear();
             group_size_ = 0;
-            size_t k = first;
-            for (; k < batch.count && !mixtures_.is_full(); ++k) {
-                find_points(points, batch, std::min(k + points_ahead, batch.count));
-                const Found& found = found_at(k);
-                batch.guided[k] = 0.0F;
+            size_t i = first;
+            for (; i < asked_.size() && !mixtures_.is_full(); ++i) {
+                const std::span<const FoundPoint> found = find_points(points, i);
+                const uint32_t k = asked_[i];
                 batch.fraction[k] = 0.0F;
-                if (found.count == 0) continue;
-                mixtures_.add(std::span(found.points).first(found.count), points.get(k));
-                nearest_[group_size_] = found.points[0].index;
-                group_[group_size_++] = static_cast<uint32_t>(k);
+                if (found.empty()) continue;
+                if (batch.density_wanted[k] == 0.0F && mixtures_.has_cached_fraction(points.bsdf(k))) {
+                    batch.fraction[k] = mixtures_.cached_fraction(found);
+                    batch.place[k] = found[0].index;
+                    batch.pdf[k] = batch.light_pdf[k] = 0.0F;
+                    if (!(batch.u_choice[k] < batch.fraction[k])) continue;
+                }
+                add(points, found, k);
             }
-            return k;
+            return i;
+        }
+
+        /// The same for all of them.
+        size_t collect_asked(const GuidePoints& points, size_t first) {
+            mixtures_.clear();
+            group_size_ = 0;
+            size_t i = first;
+            for (; i < asked_.size() && !mixtures_.is_full(); ++i) add(points, find_points(points, i), asked_[i]);
+            return i;
+        }
+
+        void add(const GuidePoints& points, std::span<const FoundPoint> found, uint32_t vertex) {
+            mixtures_.add(found, points.get(vertex));
+            nearest_[group_size_] = found[0].index;
+            group_[group_size_++] = vertex;
         }
 
         void choose_direction(const GuidePoints& points, GuideBatch& batch, size_t i) {
             const size_t k = group_[i];
             const float fraction = batch.fraction[k] = mixtures_.fraction(i);
             if (fraction == 0.0F) return;
-            batch.place[k] = mixtures_.has_cached_fraction(i) ? nearest_[i] : GuideBatch::no_place;
+            batch.place[k] = mixtures_.has_cached_fraction(points.bsdf(k)) ? nearest_[i] : GuideBatch::no_place;
             if (batch.u_choice[k] < fraction) {
                 const float u_lobe = std::min(batch.u_choice[k] / fraction, largest_below_one);
                 batch.direction.set(k, mixtures_.sample(i, u_lobe, batch.u[k], batch.v[k]));
@@ -136,8 +176,9 @@ class CachedGuide final : public DirectionalGuide {
         const std::vector<CachedPoint>& points_;
         Mixtures mixtures_;
         PathArray<uint32_t> cells_{0};
+        std::vector<uint32_t> asked_;  ///< Vertices of the batch; keeps its capacity.
         std::array<Found, points_ahead> found_;
-        size_t found_end_ = 0;  ///< Vertices before have been found; of the last of them, `found_` tells.
+        size_t found_end_ = 0;  ///< Of `asked_`: those before have been found; of the last of them, `found_` tells.
         std::array<uint32_t, Mixtures::most_mixtures> group_;    ///< Vertices of the batch.
         std::array<uint32_t, Mixtures::most_mixtures> nearest_;  ///< Cached point of each.
         size_t group_size_ = 0;

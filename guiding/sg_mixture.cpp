@@ -27,11 +27,16 @@ SgMixtures::SgMixtures(const Cache& cache, const Options& options)
       weight_(axis_x_.size()),
       density_(axis_x_.size()) {}
 
+float SgMixtures::cached_fraction(std::span<const FoundPoint> found) const {
+    const CachedPoint& point = cache_.points[found[0].index];
+    return point.lobe_count == 0 ? 0.0F : point.fraction;
+}
+
 void SgMixtures::add(std::span<const FoundPoint> found, const GuideVertex& vertex) {
     const Vec3& x = vertex.position;
     const CachedPoint& point = cache_.points[found[0].index];
     is_full_ = true;
-    fraction_ = point.lobe_count == 0 ? 0.0F : point.fraction;
+    fraction_ = cached_fraction(found);
     normal_ = vertex.geometric_normal;
     count_ = point.lobe_count;
     const float lobes_weight = 1.0F - options_.protective_weight;

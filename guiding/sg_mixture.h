@@ -26,6 +26,7 @@ class SgMixtures {
     using Options = SgMixtureOptions;
     static constexpr size_t most_points = 1;
     static constexpr size_t most_mixtures = 1;
+    static constexpr bool is_for_casters = false;  ///< As published: its directions count wherever they lead.
 
     /// Keeps a reference to the cache.
     SgMixtures(const Cache& cache, const Options& options);
@@ -38,7 +39,8 @@ class SgMixtures {
     float fraction(size_t) const { return fraction_; }
     Vec3 sample(size_t, float u_choice, float u, float v) const;
     float pdf(size_t, const Vec3& wi) const;
-    bool has_cached_fraction(size_t) const { return true; }
+    static bool has_cached_fraction(const BsdfParameters<float>&) { return true; }
+    float cached_fraction(std::span<const FoundPoint> found) const;
 
     size_t lobe_count(size_t) const { return count_; }
     LobeView heaviest(size_t) const;

@@ -75,22 +75,42 @@ void SlopeMixtures::add(std::span<const FoundPoint> found, const GuideVertex& ve
     Mixture& mixture = mixtures_[size_++];
     mixture.normal = vertex.geometric_normal;
     mixture.first_lobe = static_cast<uint32_t>(lobe_count_);
-    float fraction = 0.0F, kernels = 0.0F;
     mixture.other_radiance = 0.0F;
     for (const FoundPoint& near : found) {
         if (lobe_count_ - mixture.first_lobe >= enough_for_mixture) break;
         const CachedPoint& point = cache_.points[near.index];
-        const float width = kernel_width * point.reach;
-        const float kernel = width * width / (near.squared_distance + width * width);
-        kernels += kernel;
-        fraction += kernel * point.fraction;
+        const float kernel = kernel_of(near);
         mixture.other_radiance += kernel * point.other_radiance;
         collect(point, kernel, vertex.position);
     }
     mixture.lobe_count = static_cast<uint32_t>(lobe_count_) - mixture.first_lobe;
-    mixture.fraction = mixture.lobe_count == 0 ? 0.0F : fraction / kernels;
+    mixture.fraction = cached_fraction(found);
     mixture.is_glossy = is_narrow(vertex.bsdf) && mixture.fraction > 0.0F;
     look_from(vertex, mixture);
+}
+
+bool SlopeMixtures::has_cached_fraction(const BsdfParameters<float>& bsdf) {
+    return !is_narrow(bsdf);
+}
+
+// Of the points that add() asks.
+float SlopeMixtures::cached_fraction(std::span<const FoundPoint> found) const {
+    float fraction = 0.0F, kernels = 0.0F;
+    uint32_t lobes = 0;
+    for (const FoundPoint& near : found) {
+        if (lobes >= enough_for_mixture) break;
+        const CachedPoint& point = cache_.points[near.index];
+        const float kernel = kernel_of(near);
+        kernels += kernel;
+        fraction += kernel * point.fraction;
+        lobes += point.lobe_count;
+    }
+    return lobes == 0 ? 0.0F : fraction / kernels;
+}
+
+float SlopeMixtures::kernel_of(const FoundPoint& near) const {
+    const float width = kernel_width * cache_.points[near.index].reach;
+    return width * width / (near.squared_distance + width * width);
 }
 
 void SlopeMixtures::look_from(const GuideVertex& vertex, Mixture& mixture) {
@@ -159,7 +179,9 @@ NEPHROID_FLATTEN void SlopeMixtures::warp() {
 // Weights that add up to `total` to probabilities, determinants to densities.
 void SlopeMixtures::normalise(Mixture& mixture, float total) {
     if (!(total > 0.0F) || !(total < std::numeric_limits<float>::infinity())) {
-        mixture.fraction = 0.0F;
+        // No lobe can be used here, one point in ten million. The fraction stays: it may have been asked for before.
+        mixture.lobe_count = 0;
+        mixture.protective_weight = 1.0F;
         return;
     }
     const float scale = (1.0F - options_.protective_weight) / total;

@@ -36,6 +36,7 @@ class SlopeMixtures {
     using Options = SlopeMixtureOptions;
     static constexpr size_t most_points = 3;
     static constexpr size_t most_mixtures = 64;  ///< Of a group.
+    static constexpr bool is_for_casters = true;
 
     /// Keeps a reference to the cache.
     SlopeMixtures(const Cache& cache, const Options& options);
@@ -54,8 +55,10 @@ class SlopeMixtures {
     /// Per solid angle; finite and, above the horizon, positive.
     float pdf(size_t k, const Vec3& wi) const;
 
-    /// Otherwise it comes from the vertex's BSDF as well.
-    bool has_cached_fraction(size_t k) const { return !mixtures_[k].is_glossy; }
+    /// Whether the probability of guiding is the cached points' at such a surface: cached_fraction. Otherwise its BSDF
+    /// and the lobes have a say, and fraction() tells.
+    static bool has_cached_fraction(const BsdfParameters<float>& bsdf);
+    float cached_fraction(std::span<const FoundPoint> found) const;
 
     size_t lobe_count(size_t k) const { return mixtures_[k].lobe_count; }
     LobeView heaviest(size_t k) const;
@@ -77,6 +80,7 @@ class SlopeMixtures {
         float other_radiance = 0.0F;  ///< CachedPoint::other_radiance.
     };
 
+    float kernel_of(const FoundPoint& near) const;
     void look_from(const GuideVertex& vertex, Mixture& mixture);
     void collect(const CachedPoint& point, float kernel, const Vec3& x);
     void warp();

@@ -57,6 +57,8 @@ PathWorker::PathWorker(const RenderContext& context, const DirectionalGuide* gui
     guide_ = guide->make_worker();
     least_guided_alpha_ = guide->least_alpha();
     guide_leads_on_ = guide->leads_on();
+    guide_is_for_casters_ = guide->is_for_casters();
+    if (guide_is_for_casters_) track_vertices();
     guided_.emplace(max_slots_per_block);
 }
 
@@ -76,6 +78,7 @@ void PathWorker::render(const SampleBlock& block, SampleBuffer& samples) {
 void PathWorker::trace_paths(SampleBuffer& samples) {
     for (uint32_t bounce = 0; paths_.rays.count > 0; ++bounce) {
         trace(bounce);
+        if (bounce > 0) arrive(samples);
         collect_vertices(bounce, samples);
         if (bounce == context_.max_depth || vertices_.count == 0) break;
         // What the last scattering meets is not lit by next event estimation any more: no caustic to guide to.
@@ -97,13 +100,11 @@ void PathWorker::trace_paths(SampleBuffer& samples) {
         }
         // The last scattering matters only where a light can be hit.
         if (bounce + 1 == context_.max_depth && !context_.lights.has_hittable()) break;
+        guided_last_ = guided;
         if (guided) {
             scatter<true>(bounce);
         } else {
             scatter<false>(bounce);
-        }
-        if (observer_ != nullptr) {
-            observer_->scattered({paths_, *scattered_from_, vertices_, guided ? &guided_->batch : nullptr}, samples);
         }
     }
     if (observer_ != nullptr) observer_->finished(samples);
@@ -215,6 +216,49 @@ void PathWorker::trace(uint32_t bounce) {
     rays_ += paths_.rays.count;
     if (counts_rays_) count_rays(paths_.slot, paths_.rays.count);
     context_.accelerator.intersect(paths_.rays, bounce == 0, hits_);
+}
+
+// What scattering had to leave open before the rays were traced.
+void PathWorker::arrive(const SampleBuffer& samples) {
+    if (guided_last_ && guide_is_for_casters_) settle_guided();
+    if (observer_ == nullptr) return;
+    observer_->scattered({paths_, *scattered_from_, vertices_, guided_last_ ? &guided_->batch : nullptr}, samples);
+}
+
+// A guide for casters shares its directions with the BSDF where they meet one. Everywhere else the BSDF's count alone,
+// by their own density: few vertices need the guide's.
+void PathWorker::settle_guided() {
+    GuideBatch& batch = guided_->batch;
+    open_paths_.clear();
+    open_vertices_.clear();
+    for (size_t i = 0; i < paths_.rays.count; ++i) {
+        const uint32_t vertex = (*scattered_from_)[i];
+        if (batch.fraction[vertex] == 0.0F) continue;
+        const bool met = meets_caster(context_.surfaces, hits_.object[i]);
+        if (!met) {
+            batch.pdf[vertex] = 0.0F;
+            if (batch.guided[vertex] == 0.0F) continue;
+            hits_.object[i] = no_hit;
+            paths_.throughput.set(i, Vec3(0.0F));
+        } else if (batch.guided[vertex] == 0.0F && paths_.pdf[i] > 0.0F) {  // Mirror directions have no density.
+            open_paths_.push_back(static_cast<uint32_t>(i));
+            if (batch.pdf[vertex] == 0.0F) open_vertices_.push_back(vertex);
+        }
+    }
+    if (!open_vertices_.empty()) {
+        guide_->find_densities(guide_points(vertices_, vertices_.wo, lights_.wi), open_vertices_, batch);
+    }
+    for (const uint32_t i : open_paths_) count_guide_in(i, (*scattered_from_)[i]);
+}
+
+/// From the BSDF's density to that of guide and BSDF together.
+void PathWorker::count_guide_in(size_t path, size_t vertex) {
+    const GuideBatch& batch = guided_->batch;
+    const float alone = paths_.pdf[path], both = alone + batch.fraction[vertex] * batch.pdf[vertex];
+    const float factor = alone / both;
+    paths_.pdf[path] = both;
+    paths_.throughput.set(path, paths_.throughput.get(path) * factor);
+    if (rivals_) rivals_->path_chain[path] *= squared(factor);
 }
 
 // Adds what hit lights emit and finds the surface points that scatter.
@@ -398,7 +442,9 @@ NEPHROID_FLATTEN void PathWorker::choose_directions(uint32_t bounce) {
     GuidedWave& wave = *guided_;
     GuideBatch& batch = wave.batch;
     batch.count = vertices_.count;
-    batch.wants_light_pdf = context_.lights.has_hittable();
+    batch.wants_light_pdf = context_.lights.has_hittable() && !guide_is_for_casters_;
+    const bool wants_all = !guide_is_for_casters_ || observer_ != nullptr;
+    std::fill_n(batch.density_wanted.data(), batch.count, wants_all ? 1.0F : 0.0F);
     for (size_t k = 0; k < vertices_.count; k += simd_width) {
         const UintV slot(&vertices_.slot[k], stdx::vector_aligned);
         const auto active = first_lanes(vertices_.count - k);
@@ -421,14 +467,18 @@ NEPHROID_FLATTEN void PathWorker::choose_directions(uint32_t bounce) {
     guide_->guide(guide_points(vertices_, vertices_.wo, lights_.wi), batch);
 }
 
-// The direction that BSDF or guide chose, weighted by the density of both together.
+// The direction that BSDF or guide chose, weighted by the density of both together, or by the BSDF's part of it where
+// that is settled on arrival.
 NEPHROID_FLATTEN BsdfSample<FloatV> PathWorker::guided_sample(size_t k, const Frame<FloatV>& frame) const {
     const GuideBatch& batch = guided_->batch;
     const FloatV zero(0.0F);
     const FloatV fraction = load(batch.fraction, k);
     const Triple<FloatV> wi = frame.to_local(batch.direction.load(k));
     const BsdfEvaluation<FloatV> bsdf = evaluate_bsdf(vertices_.bsdf(k), frame.to_local(vertices_.wo.load(k)), wi);
-    const FloatV pdf = mixed_pdf(batch, k, bsdf.pdf, batch.pdf);
+    FloatV pdf = mixed_pdf(batch, k, bsdf.pdf, batch.pdf);
+    if (guide_is_for_casters_) {
+        pdf = select(load(batch.guided, k) > zero, pdf, (FloatV(1.0F) - fraction) * bsdf.pdf);
+    }
     const auto delta = (load(guided_->delta, k) > zero) && (load(batch.guided, k) == zero);
     const FloatV inverse_pdf = select(pdf > zero, FloatV(1.0F) / pdf, zero);
     const Triple<FloatV> weight = select<FloatV>(
@@ -450,7 +500,10 @@ NEPHROID_FLATTEN void PathWorker::weigh_lights(uint32_t bounce, bool guided) {
         // The geometric half space decides what is lit: a shading normal alone would let light leak through.
         const auto lit = (dot(vertices_.geometric_normal.load(i), wi) > zero) && (pdf > zero);
         FloatV direction_pdf = bsdf.pdf;
-        if (guide_competes) direction_pdf = mixed_pdf(guided_->batch, i, bsdf.pdf, guided_->batch.light_pdf);
+        if (guide_competes) {
+            direction_pdf = guide_is_for_casters_ ? (FloatV(1.0F) - load(guided_->batch.fraction, i)) * bsdf.pdf
+                                                  : mixed_pdf(guided_->batch, i, bsdf.pdf, guided_->batch.light_pdf);
+        }
         direction_pdf = direction_pdf * load(lights_.bsdf_competes, i);
         FloatV weight = power_heuristic(pdf, direction_pdf) / pdf;
         if (splats_compete) {
@@ -513,7 +566,7 @@ NEPHROID_FLATTEN void PathWorker::scatter(uint32_t bounce) {
         const Triple<FloatV> origin =
             offset_ray_origin(vertices_.position.load(k), vertices_.error.load(k), normal, wi);
         append_rays(rays, origin, wi, infinity, lives);
-        if (observer_ != nullptr) {
+        if (scattered_from_) {
             compress_store(&(*scattered_from_)[rays.count], lane_numbers() + UintV(static_cast<uint32_t>(k)), lives);
         }
         paths_.throughput.append(rays.count, weight, lives);

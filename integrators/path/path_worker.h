@@ -25,7 +25,7 @@ class PathWorker final : public IntegratorWorker {
     /// Who watches the paths from now on; null: nobody. The observer must outlive its use.
     void set_observer(PathObserver* observer) {
         observer_ = observer;
-        if (observer != nullptr && !scattered_from_) scattered_from_.emplace(max_slots_per_block);
+        if (observer != nullptr) track_vertices();
     }
     /// Radiance that arrives at the rays' origins against their directions, in slots 0 .. count - 1 of `samples`; at
     /// most max_slots_per_block rays of unit direction. `first_index` numbers the samples of all rays alike; rays of
@@ -43,7 +43,13 @@ class PathWorker final : public IntegratorWorker {
     void count_rays(const PathArray<uint32_t>& slots, size_t count);
     void push_path(const Vec3& origin, const Vec3& direction, float throughput, uint32_t seed, uint32_t index);
     void trace_paths(SampleBuffer& samples);
+    void track_vertices() {
+        if (!scattered_from_) scattered_from_.emplace(max_slots_per_block);
+    }
     void trace(uint32_t bounce);
+    void arrive(const SampleBuffer& samples);
+    void settle_guided();
+    void count_guide_in(size_t path, size_t vertex);
     void collect_vertices(uint32_t bounce, SampleBuffer& samples);
     void add_escaped(size_t path, SampleBuffer& samples);
     void add_sphere_light(size_t path, uint32_t light, uint32_t bounce, SampleBuffer& samples);
@@ -76,7 +82,7 @@ class PathWorker final : public IntegratorWorker {
     LightWave lights_;
     ShadowWave shadows_;
     PathObserver* observer_ = nullptr;
-    std::optional<PathArray<uint32_t>> scattered_from_;  ///< Of each new ray: its vertex. For observers alone.
+    std::optional<PathArray<uint32_t>> scattered_from_;  ///< Of each ray: its vertex. Empty if nobody asks.
     std::optional<PixelSamples> pixel_samples_;          ///< Empty without film guide and adaptive sampling.
     std::optional<SampleBuffer> further_samples_;        ///< Of a wave of samples' second and further paths.
     std::vector<const PixelSamples::Sample*> further_;   ///< Whose they are.
@@ -86,6 +92,9 @@ class PathWorker final : public IntegratorWorker {
     std::unique_ptr<GuideWorker> guide_;                 ///< Null: not guided.
     float least_guided_alpha_ = 0.0F;                    ///< DirectionalGuide::least_alpha.
     bool guide_leads_on_ = false;                        ///< DirectionalGuide::leads_on.
+    bool guide_is_for_casters_ = false;                  ///< DirectionalGuide::is_for_casters.
+    bool guided_last_ = false;                           ///< It had a say in the wave's last scattering.
+    std::vector<uint32_t> open_paths_, open_vertices_;  ///< Paths whose guide's density is still wanted; keep capacity.
     std::optional<GuidedWave> guided_;
     const LightTracing* light_tracing_;  ///< Null: no splats to weigh against.
     std::optional<RivalWave> rivals_;

@@ -35,6 +35,12 @@ inline uint32_t path_flags_at(bool is_caster, uint32_t before) {
     return (before & receiver_seen) != 0 ? receiver_seen | on_caster_chain : 0U;
 }
 
+/// Whether a ray met what guides for casters (DirectionalGuide::is_for_casters) are meant for. Casters that emit are
+/// not: the rivals of light sampling shall not include such a guide.
+inline bool meets_caster(const Surfaces& surfaces, uint32_t object) {
+    return object < surfaces.object_count() && surfaces.is_caster(object) && !surfaces.emits(object);
+}
+
 /// Depth, normal and albedo of what camera rays have hit.
 void record_first_hits(const AovSelection& aovs, const HitBatch& hits, const VertexWave& vertices,
                        SampleBuffer& samples);

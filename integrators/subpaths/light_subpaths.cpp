@@ -28,6 +28,8 @@ LightSubpaths::LightSubpaths(const LightTracing& context)
     if (context.guide == nullptr) return;
     guide_ = context.guide->make_worker();
     least_guided_alpha_ = context.guide->least_alpha();
+    guide_is_for_casters_ = context.guide->is_for_casters();
+    if (guide_is_for_casters_) left_caster_ = PathArray<uint32_t>(max_slots_per_block);
     from_camera_.emplace(max_slots_per_block);
     from_next_.emplace(max_slots_per_block);
 }
@@ -37,6 +39,7 @@ void LightSubpaths::trace(const SampleBlock& block, SampleBuffer& samples) {
     std::fill_n(stored_.last.data(), block.slot_count(), no_vertex);
     const uint32_t max_depth = context_.render.max_depth;
     if (max_depth == 0 || context_.render.lights.empty()) return;
+    if (guide_is_for_casters_) std::fill_n(left_caster_.data(), max_slots_per_block, 0U);
     tile_x_ = block.tile_x;
     tile_y_ = block.tile_y;
     is_recorded_ = context_.adaptive != nullptr && context_.adaptive->recording();
@@ -296,6 +299,10 @@ void LightSubpaths::look_from_next_vertices() {
         from_next_->fraction[vertex] = from_camera_->fraction[vertex];
         from_next_->pdf[vertex] = from_camera_->pdf[vertex];
     }
+    for (size_t i = 0; i < rays.count && guide_is_for_casters_; ++i) {
+        const uint32_t path = tracer_.vertices.path[tracer_.scattered_from[i]];
+        left_caster_[i] = meets_caster(context_.render.surfaces, tracer_.hits.object[path]) ? 1U : 0U;
+    }
 }
 
 void LightSubpaths::start_questions(GuideBatch& questions) const {
@@ -309,10 +316,17 @@ void LightSubpaths::ask(size_t vertex, GuideBatch& questions) const {
     questions.fraction[vertex] = 1.0F;
     questions.u_choice[vertex] = 1.0F;  // Keeps the direction as it is.
     questions.direction.set(vertex, vertices.wo.get(vertex));
+    // Elsewhere its directions do not count, and it is enough to know how often it takes them from the BSDF.
+    if (guide_is_for_casters_)
+        questions.density_wanted[vertex] = static_cast<float>(left_caster_[vertices.path[vertex]]);
 }
 
 void LightSubpaths::answer(GuideBatch& questions) {
     guide_->guide(guide_points(tracer_.vertices, viewer_, tracer_.vertices.wo), questions);
+    if (!guide_is_for_casters_) return;
+    for (size_t k = 0; k < questions.count; ++k) {
+        if (left_caster_[tracer_.vertices.path[k]] == 0) questions.pdf[k] = 0.0F;
+    }
 }
 
 }  // namespace nephroid
