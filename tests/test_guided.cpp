@@ -253,6 +253,18 @@ TEST_CASE("light paths of sphere, spot and directional lights beside guided ones
     }
 }
 
+TEST_CASE("a caster that emits is left to the BSDF and to light sampling") {
+    CausticScene caustic = testing::sphere_caustic(alpha_for_path);
+    caustic.scene.materials[1].emission = Rgb(0.1F);
+    const testing::Picture path = render_path(caustic, {.spp = spp_for_path});
+    for (const uint32_t light_path_per : {0U, 2U}) {
+        GuidedSettings settings = small_cache(LobeKind::slope, 1);
+        settings.light_path_per = light_path_per;
+        check_same_mean(render_with_guide(caustic, {.spp = 1024}, settings), path,
+                        "emitting caster, a light path per " + std::to_string(light_path_per));
+    }
+}
+
 TEST_CASE("a perfect mirror's caustic of a point light comes by light paths") {
     const CausticScene caustic = testing::sphere_caustic(1e-5F);
     GuidedSettings settings = small_cache(LobeKind::slope, 1);

@@ -382,3 +382,61 @@ TEST_CASE("the mixture as used at real shading points: directions of guide and B
         }
     }
 }
+
+TEST_CASE("densities that were left out at first are the same later") {
+    const testing::CausticScene caustic = testing::sphere_caustic(0.02F);
+    testing::PreparedScene prepared(caustic.scene, caustic.camera, 32, 32);
+    GuidedSettings settings;
+    settings.cached_points = 500;
+    settings.bounces = 1;
+    const GuidedIntegrator integrator(prepared.context, find_casters(caustic.scene), {32, 32, {0, 0, 32, 32}},
+                                      settings);
+    REQUIRE(integrator.guide()->is_for_casters());
+    const std::unique_ptr<GuideWorker> worker = integrator.guide()->make_worker();
+    constexpr size_t count = 300;
+    VertexWave vertices(count);
+    GuideBatch at_once(count), later(count);
+    Random random(9);
+    const Vec3 up(0.0F, 1.0F, 0.0F);
+    for (size_t k = 0; k < count; ++k) {
+        const Vec3 x = caustic.floor_points[k % 2];
+        vertices.position.set(k, x + Vec3(random(-0.2, 0.2), 0.0, random(-0.2, 0.2)));
+        for (TripleArray* direction : {&vertices.geometric_normal, &vertices.shading_normal, &vertices.wo}) {
+            direction->set(k, up);
+        }
+        vertices.base.set(k, Vec3(0.6F));
+        // Some glossy: there the lobes have a say in how often they are asked.
+        vertices.alpha[k] = k % 5 == 0 ? 0.05F : 1.0F;
+        vertices.coat_f0.set(k, Vec3(0.04F));
+        vertices.coat_f90[k] = k % 5 == 0 ? 1.0F : 0.0F;
+        Vec3d direction = random.direction();
+        direction.y = std::abs(direction.y);
+        const auto choice = static_cast<float>(random(0.0, 1.0)), u = static_cast<float>(random(0.0, 1.0));
+        for (GuideBatch* batch : {&at_once, &later}) {
+            batch->count = count;
+            batch->fraction[k] = k % 7 == 0 ? 0.0F : 1.0F;
+            batch->u_choice[k] = choice;
+            batch->u[k] = batch->v[k] = u;
+            batch->direction.set(k, Vec3(direction));
+        }
+        later.density_wanted[k] = 0.0F;
+    }
+    const GuidePoints points = guide_points(vertices, vertices.wo, vertices.wo);
+    worker->guide(points, at_once);
+    worker->guide(points, later);
+    std::vector<uint32_t> left_out;
+    for (size_t k = 0; k < count; ++k) {
+        if (later.fraction[k] > 0.0F && later.pdf[k] == 0.0F) left_out.push_back(static_cast<uint32_t>(k));
+    }
+    CHECK(left_out.size() > count / 10);
+    CHECK(left_out.size() < count / 2);
+    worker->find_densities(points, left_out, later);
+    for (size_t k = 0; k < count; ++k) {
+        CHECK(later.fraction[k] == at_once.fraction[k]);
+        if (at_once.fraction[k] == 0.0F) continue;
+        CHECK(later.guided[k] == at_once.guided[k]);
+        CHECK(later.place[k] == at_once.place[k]);
+        CHECK(later.direction.get(k) == at_once.direction.get(k));
+        CHECK(later.pdf[k] == doctest::Approx(at_once.pdf[k]).epsilon(1e-5));
+    }
+}
