@@ -52,8 +52,7 @@ struct GuideBatch {
     static constexpr uint32_t no_place = ~0U;  ///< It is of none, but of the vertex itself as it is seen from wo.
 
     // Given; one unless the caller says otherwise.
-    PathArray<float>
-        density_wanted;  ///< Zero: where the direction given stays, its pdf may be left out, and light_pdf.
+    PathArray<float> density_wanted;  ///< Zero: pdf and light_pdf of a direction that stays may be left out.
 
     /// Whether the answer would be the same for any other wo.
     bool holds_for_any_wo(size_t k) const { return fraction[k] > 0.0F && place[k] != no_place; }

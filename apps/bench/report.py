@@ -34,9 +34,7 @@ LOWER_WINS = ("rmse", "relmse", "relmse_trimmed", "flip")
 def number(value: float | None, digits: int) -> str:
     if value is None or not math.isfinite(value):
         return "–"
-    if 0.0 < abs(value) < 5e-5:
-        return "< 1e-4" if value > 0.0 else f"{value:.0e}"
-    if abs(value) >= 1e5:
+    if abs(value) >= 1e5 or 0.0 < abs(value) < 1e-4:
         return f"{value:.{digits - 1}e}"
     return f"{value:#.{digits}g}".rstrip(".")
 
