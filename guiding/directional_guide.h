@@ -88,11 +88,12 @@ struct GuidePoints {
     const PathArray<float>& metallic;
     const PathArray<float>& alpha;
 
-    BsdfParameters<float> bsdf(size_t i) const {
-        return {to_triple(base.get(i)), to_triple(coat_f0.get(i)), coat_f90[i], metallic[i], alpha[i]};
-    }
     GuideVertex get(size_t i) const {
-        return {position.get(i), geometric_normal.get(i), shading_normal.get(i), wo.get(i), bsdf(i)};
+        return {position.get(i),
+                geometric_normal.get(i),
+                shading_normal.get(i),
+                wo.get(i),
+                {to_triple(base.get(i)), to_triple(coat_f0.get(i)), coat_f90[i], metallic[i], alpha[i]}};
     }
 };
 

@@ -84,7 +84,7 @@ class CachedGuide final : public DirectionalGuide {
             asked_.assign(vertices.begin(), vertices.end());
             found_end_ = 0;
             for (size_t next = 0; next < asked_.size();) {
-                next = collect_asked(points, next);
+                next = collect_asked(points, batch, next);
                 mixtures_.prepare();
                 for (size_t i = 0; i < group_size_; ++i) {
                     batch.pdf[group_[i]] = mixtures_.pdf(i, batch.direction.get(group_[i]));
@@ -132,29 +132,35 @@ class CachedGuide final : public DirectionalGuide {
                 const uint32_t k = asked_[i];
                 batch.fraction[k] = 0.0F;
                 if (found.empty()) continue;
-                if (batch.density_wanted[k] == 0.0F && mixtures_.has_cached_fraction(points.bsdf(k))) {
-                    batch.fraction[k] = mixtures_.cached_fraction(found);
-                    batch.place[k] = found[0].index;
+                const float fraction = batch.fraction[k] = mixtures_.cached_fraction(found);
+                const bool is_known = has_cached_fraction(points, k);
+                batch.place[k] = is_known ? found[0].index : GuideBatch::no_place;
+                if (is_known && batch.density_wanted[k] == 0.0F && !(batch.u_choice[k] < fraction)) {
                     batch.pdf[k] = batch.light_pdf[k] = 0.0F;
-                    if (!(batch.u_choice[k] < batch.fraction[k])) continue;
+                    continue;
                 }
-                add(points, found, k);
+                add(points, found, k, fraction);
             }
             return i;
         }
 
         /// The same for all of them.
-        size_t collect_asked(const GuidePoints& points, size_t first) {
+        size_t collect_asked(const GuidePoints& points, const GuideBatch& batch, size_t first) {
             mixtures_.clear();
             group_size_ = 0;
             size_t i = first;
-            for (; i < asked_.size() && !mixtures_.is_full(); ++i) add(points, find_points(points, i), asked_[i]);
+            for (; i < asked_.size() && !mixtures_.is_full(); ++i) {
+                add(points, find_points(points, i), asked_[i], batch.fraction[asked_[i]]);
+            }
             return i;
         }
 
-        void add(const GuidePoints& points, std::span<const FoundPoint> found, uint32_t vertex) {
-            mixtures_.add(found, points.get(vertex));
-            nearest_[group_size_] = found[0].index;
+        static bool has_cached_fraction(const GuidePoints& points, uint32_t k) {
+            return Mixtures::has_cached_fraction(points.alpha[k], points.metallic[k], points.coat_f90[k]);
+        }
+
+        void add(const GuidePoints& points, std::span<const FoundPoint> found, uint32_t vertex, float fraction) {
+            mixtures_.add(found, points.get(vertex), fraction);
             group_[group_size_++] = vertex;
         }
 
@@ -162,7 +168,6 @@ class CachedGuide final : public DirectionalGuide {
             const size_t k = group_[i];
             const float fraction = batch.fraction[k] = mixtures_.fraction(i);
             if (fraction == 0.0F) return;
-            batch.place[k] = mixtures_.has_cached_fraction(points.bsdf(k)) ? nearest_[i] : GuideBatch::no_place;
             if (batch.u_choice[k] < fraction) {
                 const float u_lobe = std::min(batch.u_choice[k] / fraction, largest_below_one);
                 batch.direction.set(k, mixtures_.sample(i, u_lobe, batch.u[k], batch.v[k]));
@@ -179,8 +184,7 @@ class CachedGuide final : public DirectionalGuide {
         std::vector<uint32_t> asked_;  ///< Vertices of the batch; keeps its capacity.
         std::array<Found, points_ahead> found_;
         size_t found_end_ = 0;  ///< Of `asked_`: those before have been found; of the last of them, `found_` tells.
-        std::array<uint32_t, Mixtures::most_mixtures> group_;    ///< Vertices of the batch.
-        std::array<uint32_t, Mixtures::most_mixtures> nearest_;  ///< Cached point of each.
+        std::array<uint32_t, Mixtures::most_mixtures> group_;  ///< Vertices of the batch.
         size_t group_size_ = 0;
     };
 

@@ -32,11 +32,11 @@ float SgMixtures::cached_fraction(std::span<const FoundPoint> found) const {
     return point.lobe_count == 0 ? 0.0F : point.fraction;
 }
 
-void SgMixtures::add(std::span<const FoundPoint> found, const GuideVertex& vertex) {
+void SgMixtures::add(std::span<const FoundPoint> found, const GuideVertex& vertex, float fraction) {
     const Vec3& x = vertex.position;
     const CachedPoint& point = cache_.points[found[0].index];
     is_full_ = true;
-    fraction_ = cached_fraction(found);
+    fraction_ = fraction;
     normal_ = vertex.geometric_normal;
     count_ = point.lobe_count;
     const float lobes_weight = 1.0F - options_.protective_weight;

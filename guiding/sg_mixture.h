@@ -34,12 +34,15 @@ class SgMixtures {
     // As in SlopeMixtures.
     void clear() { is_full_ = false; }
     bool is_full() const { return is_full_; }
-    void add(std::span<const FoundPoint> found, const GuideVertex& vertex);
+    void add(std::span<const FoundPoint> found, const GuideVertex& vertex, float fraction);
+    void add(std::span<const FoundPoint> found, const GuideVertex& vertex) {
+        add(found, vertex, cached_fraction(found));
+    }
     void prepare() {}
     float fraction(size_t) const { return fraction_; }
     Vec3 sample(size_t, float u_choice, float u, float v) const;
     float pdf(size_t, const Vec3& wi) const;
-    static bool has_cached_fraction(const BsdfParameters<float>&) { return true; }
+    static bool has_cached_fraction(float, float, float) { return true; }
     float cached_fraction(std::span<const FoundPoint> found) const;
 
     size_t lobe_count(size_t) const { return count_; }

@@ -15,22 +15,12 @@ namespace {
 /// Distances below this share of a point's reach count as equal.
 constexpr float kernel_width = 0.125F;
 
-/// Wider specular parts vary less over a lobe than is worth the work: with .3, a sample of the Snail, whose floor has
-/// .3, cost 2.4 times one without products instead of 1.2 times.
-constexpr float widest_glossy_alpha = max_caster_alpha;
-
 /// What the BSDF samples at glossy points is noisier than what lobes bring, and known as a mean over all directions
 /// only: it counts so many times, and keeps at least a third (docs/guiding.md).
 constexpr float bsdf_factor = 4.0F;
 constexpr float most_glossy_fraction = 0.65F;
 /// Guides that would be asked less often than that are not.
 constexpr float least_glossy_fraction = 0.002F;
-
-/// Whether the specular part is narrow, but no mirror.
-bool is_narrow(const BsdfParameters<float>& bsdf) {
-    return bsdf.alpha >= delta_alpha && bsdf.alpha <= widest_glossy_alpha &&
-           (bsdf.metallic > 0.0F || bsdf.coat_f90 > 0.0F);
-}
 
 /// Lobes and products that bring less than this share of what a glossy point's mixture brings are dropped.
 constexpr float least_glossy_share = 1e-3F;
@@ -71,7 +61,7 @@ void SlopeMixtures::clear() {
     has_glossy_ = false;
 }
 
-void SlopeMixtures::add(std::span<const FoundPoint> found, const GuideVertex& vertex) {
+void SlopeMixtures::add(std::span<const FoundPoint> found, const GuideVertex& vertex, float fraction) {
     Mixture& mixture = mixtures_[size_++];
     mixture.normal = vertex.geometric_normal;
     mixture.first_lobe = static_cast<uint32_t>(lobe_count_);
@@ -84,13 +74,10 @@ void SlopeMixtures::add(std::span<const FoundPoint> found, const GuideVertex& ve
         collect(point, kernel, vertex.position);
     }
     mixture.lobe_count = static_cast<uint32_t>(lobe_count_) - mixture.first_lobe;
-    mixture.fraction = cached_fraction(found);
-    mixture.is_glossy = is_narrow(vertex.bsdf) && mixture.fraction > 0.0F;
+    mixture.fraction = fraction;
+    const BsdfParameters<float>& bsdf = vertex.bsdf;
+    mixture.is_glossy = is_narrow(bsdf.alpha, bsdf.metallic, bsdf.coat_f90) && fraction > 0.0F;
     look_from(vertex, mixture);
-}
-
-bool SlopeMixtures::has_cached_fraction(const BsdfParameters<float>& bsdf) {
-    return !is_narrow(bsdf);
 }
 
 // Of the points that add() asks.
