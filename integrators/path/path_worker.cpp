@@ -443,8 +443,7 @@ NEPHROID_FLATTEN void PathWorker::choose_directions(uint32_t bounce) {
     GuideBatch& batch = wave.batch;
     batch.count = vertices_.count;
     batch.wants_light_pdf = context_.lights.has_hittable() && !guide_is_for_casters_;
-    const bool wants_all = !guide_is_for_casters_ || observer_ != nullptr;
-    std::fill_n(batch.density_wanted.data(), batch.count, wants_all ? 1.0F : 0.0F);
+    std::fill_n(batch.density_wanted.data(), batch.count, guide_is_for_casters_ ? 0.0F : 1.0F);
     for (size_t k = 0; k < vertices_.count; k += simd_width) {
         const UintV slot(&vertices_.slot[k], stdx::vector_aligned);
         const auto active = first_lanes(vertices_.count - k);
