@@ -9,8 +9,8 @@
 
 namespace nephroid {
 
-inline constexpr float max_caster_alpha = 0.1F;        ///< Rougher surfaces focus too little to be worth guiding.
-inline constexpr float max_small_light_angle = 0.01F;  ///< Radius over distance, radians.
+inline constexpr float max_caster_alpha = 0.1F;       ///< Rougher surfaces focus too little to be worth guiding.
+inline constexpr float max_small_light_angle = 0.5F;  ///< Radius over distance, radians.
 
 struct CasterReport {
     std::vector<uint8_t> is_caster;      ///< Per object.

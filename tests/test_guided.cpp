@@ -224,13 +224,19 @@ TEST_CASE("where there is no time to search, lobes from photons alone have the s
 }
 
 TEST_CASE("sphere lights: the mixture's density enters next event estimation's weight") {
-    CausticScene caustic = testing::sphere_caustic(alpha_for_path);
-    caustic.scene.lights[0].kind = LightKind::sphere;
-    caustic.scene.lights[0].radius = 0.012F;
-    const testing::Picture path = render_path(caustic, {.spp = spp_for_path});
-    for (const LobeKind lobe : both_lobes) {
-        check_same_mean(render_with_guide(caustic, {.spp = 1024}, small_cache(lobe, 1)), path,
-                        "sphere light" + name_of(lobe));
+    for (const float radius : {0.012F, 0.4F}) {
+        CausticScene caustic = testing::sphere_caustic(alpha_for_path);
+        caustic.scene.lights[0].kind = LightKind::sphere;
+        caustic.scene.lights[0].radius = radius;
+        const std::string name = "sphere light of " + std::to_string(radius);
+        const testing::Picture path = render_path(caustic, {.spp = spp_for_path});
+        for (const LobeKind lobe : both_lobes) {
+            check_same_mean(render_with_guide(caustic, {.spp = 1024}, small_cache(lobe, 1)), path,
+                            name + name_of(lobe));
+        }
+        GuidedSettings settings = small_cache(LobeKind::slope, 1);
+        settings.light_path_per = 2;
+        check_same_mean(render_with_guide(caustic, {.spp = 1024}, settings), path, name + ", light paths");
     }
 }
 
