@@ -74,8 +74,9 @@ class CachedGuide final : public DirectionalGuide {
             }
             found_end_ = 0;
             for (size_t next = 0; next < asked_.size();) {
-                next = collect_group(points, batch, next);
-                mixtures_.prepare();
+                next = collect_group(points, next, [&](uint32_t k, std::span<const FoundPoint> found) {
+                    return fraction_wanted(points, batch, k, found);
+                });
                 for (size_t i = 0; i < group_size_; ++i) choose_direction(points, batch, i);
             }
         }
@@ -84,8 +85,8 @@ class CachedGuide final : public DirectionalGuide {
             asked_.assign(vertices.begin(), vertices.end());
             found_end_ = 0;
             for (size_t next = 0; next < asked_.size();) {
-                next = collect_asked(points, batch, next);
-                mixtures_.prepare();
+                next = collect_group(points, next,
+                                     [&](uint32_t k, std::span<const FoundPoint>) { return batch.fraction[k]; });
                 for (size_t i = 0; i < group_size_; ++i) {
                     batch.pdf[group_[i]] = mixtures_.pdf(i, batch.direction.get(group_[i]));
                 }
@@ -121,47 +122,37 @@ class CachedGuide final : public DirectionalGuide {
             return std::span(found_at(i).points).first(found_at(i).count);
         }
 
-        /// Vertices asked for, from `first` on until the group is full, but those that can do without a mixture;
-        /// returns the next one.
-        size_t collect_group(const GuidePoints& points, GuideBatch& batch, size_t first) {
+        /// Mixtures of the vertices asked for, from `first` on until the group is full; returns the next one.
+        /// `fraction_of` (vertex, cached points near): how often to guide there; negative: no mixture is needed.
+        template <class FractionOf>
+        size_t collect_group(const GuidePoints& points, size_t first, const FractionOf& fraction_of) {
             mixtures_.clear();
             group_size_ = 0;
             size_t i = first;
             for (; i < asked_.size() && !mixtures_.is_full(); ++i) {
                 const std::span<const FoundPoint> found = find_points(points, i);
-                const uint32_t k = asked_[i];
-                batch.fraction[k] = 0.0F;
-                if (found.empty()) continue;
-                const float fraction = batch.fraction[k] = mixtures_.cached_fraction(found);
-                const bool is_known = has_cached_fraction(points, k);
-                batch.place[k] = is_known ? found[0].index : GuideBatch::no_place;
-                if (is_known && batch.density_wanted[k] == 0.0F && !(batch.u_choice[k] < fraction)) {
-                    batch.pdf[k] = batch.light_pdf[k] = 0.0F;
-                    continue;
-                }
-                add(points, found, k, fraction);
+                const float fraction = fraction_of(asked_[i], found);
+                if (fraction < 0.0F) continue;
+                mixtures_.add(found, points.get(asked_[i]), fraction);
+                group_[group_size_++] = asked_[i];
             }
+            mixtures_.prepare();
             return i;
         }
 
-        /// The same for all of them.
-        size_t collect_asked(const GuidePoints& points, const GuideBatch& batch, size_t first) {
-            mixtures_.clear();
-            group_size_ = 0;
-            size_t i = first;
-            for (; i < asked_.size() && !mixtures_.is_full(); ++i) {
-                add(points, find_points(points, i), asked_[i], batch.fraction[asked_[i]]);
-            }
-            return i;
-        }
-
-        static bool has_cached_fraction(const GuidePoints& points, uint32_t k) {
-            return Mixtures::has_cached_fraction(points.alpha[k], points.metallic[k], points.coat_f90[k]);
-        }
-
-        void add(const GuidePoints& points, std::span<const FoundPoint> found, uint32_t vertex, float fraction) {
-            mixtures_.add(found, points.get(vertex), fraction);
-            group_[group_size_++] = vertex;
+        /// Answers what the cached points alone tell, and is negative where that is enough.
+        float fraction_wanted(const GuidePoints& points, GuideBatch& batch, uint32_t k,
+                              std::span<const FoundPoint> found) const {
+            constexpr float enough = -1.0F;
+            batch.fraction[k] = 0.0F;
+            if (found.empty()) return enough;
+            const float fraction = batch.fraction[k] = mixtures_.cached_fraction(found);
+            const bool is_known =
+                Mixtures::has_cached_fraction(points.alpha[k], points.metallic[k], points.coat_f90[k]);
+            batch.place[k] = is_known ? found[0].index : GuideBatch::no_place;
+            if (!is_known || batch.density_wanted[k] > 0.0F || batch.u_choice[k] < fraction) return fraction;
+            batch.pdf[k] = batch.light_pdf[k] = 0.0F;
+            return enough;
         }
 
         void choose_direction(const GuidePoints& points, GuideBatch& batch, size_t i) {
