@@ -94,7 +94,7 @@ class PathWorker final : public IntegratorWorker {
     bool guide_leads_on_ = false;                        ///< DirectionalGuide::leads_on.
     bool guide_is_for_casters_ = false;                  ///< DirectionalGuide::is_for_casters.
     bool guided_last_ = false;                           ///< It had a say in the wave's last scattering.
-    std::vector<uint32_t> open_paths_, open_vertices_;  ///< Paths whose guide's density is still wanted; keep capacity.
+    std::vector<uint32_t> open_paths_, open_vertices_;   ///< Of settle_guided; keep their capacity.
     std::optional<GuidedWave> guided_;
     const LightTracing* light_tracing_;  ///< Null: no splats to weigh against.
     std::optional<RivalWave> rivals_;

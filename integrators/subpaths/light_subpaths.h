@@ -59,10 +59,10 @@ class LightSubpaths {
     SubpathTracer tracer_;
     LightVertices stored_;
     std::unique_ptr<GuideWorker> guide_;  ///< Of camera paths; null: not guided.
-    // What it would do at vertices of the wave, towards `wo`, for camera paths that come from the camera or from the
-    // light path's next vertex; where that matters, zero fractions elsewhere.
     bool guide_is_for_casters_ = false;   ///< DirectionalGuide::is_for_casters.
     PathArray<uint32_t> left_caster_{0};  ///< Per path, if so: whether it comes from one (meets_caster).
+    // What it would do at vertices of the wave, towards `wo`, for camera paths that come from the camera or from the
+    // light path's next vertex; where that matters, zero fractions elsewhere.
     std::optional<GuideBatch> from_camera_, from_next_;
     TripleArray viewer_;                     ///< Per vertex: unit, to where the camera path would come from.
     float least_guided_alpha_ = 0.0F;        ///< DirectionalGuide::least_alpha.
