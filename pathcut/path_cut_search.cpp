@@ -229,6 +229,7 @@ class GroupSearch {
         uint32_t relaxed = 0;                   ///< Where slopes may be smallest without vanishing.
         uint32_t exact = 0;                     ///< Where they may vanish.
         uint32_t linear = 0;                    ///< Where they are linear enough to tell the place of the smallest.
+        uint32_t creased = 0;                   ///< Where a crease may end them.
         std::array<Vec2, block_size> lowest{};  ///< That place, barycentric; of relaxed ones that are not exact.
     };
 
@@ -260,12 +261,13 @@ class GroupSearch {
                 continue;
             }
             const size_t triangle = size_t{cut.items[0].index} * block_size + first;
-            const auto minimum =
-                image.grazing || may_fold<FloatV>(image, image.area) || folds_at_edges(triangle, image, receiver);
+            const EdgeEnds ends = find_ends(triangle, triangles, image, receiver);
+            const auto minimum = image.grazing || may_fold<FloatV>(image, image.area) || ends.at_fold || ends.at_crease;
             const uint32_t exact = any & lane_bits(image.distance <= image.error), relaxed = any & lane_bits(minimum);
             candidates.any |= (exact | relaxed) << first;
             candidates.relaxed |= relaxed << first;
             candidates.exact |= exact << first;
+            candidates.creased |= lane_bits(ends.at_crease) << first;
             candidates.linear |= lane_bits(image.error < FloatV(nearly_linear) * longest_edge(image)) << first;
             for (uint32_t left = relaxed & ~exact; left != 0; left &= left - 1) {
                 const auto lane = static_cast<size_t>(std::countr_zero(left));
@@ -275,13 +277,17 @@ class GroupSearch {
         return candidates;
     }
 
-    /// Where a border, or a triangle of opposite orientation in slope space, is across the edge towards which slopes
-    /// fall. Elsewhere they go on falling behind that edge.
-    FloatV::mask_type folds_at_edges(size_t first_triangle, const SlopeImage<FloatV>& image,
-                                     const Triple<FloatV>& receiver) const {
+    /// What is across the edge towards which slopes fall, where they do not go on falling behind that edge.
+    struct EdgeEnds {
+        FloatV::mask_type at_fold{false};    ///< A border, or a triangle of opposite orientation in slope space.
+        FloatV::mask_type at_crease{false};  ///< See crease_ratio.
+    };
+
+    EdgeEnds find_ends(size_t first_triangle, const TriangleLanes<FloatV>& triangles, const SlopeImage<FloatV>& image,
+                       const Triple<FloatV>& receiver) const {
         const uint32_t* twins = reflectors_.twins.data()->data() + 3 * first_triangle;
         const auto exists = first_lanes(reflectors_.size() - first_triangle);
-        FloatV::mask_type folds(false);
+        EdgeEnds ends;
         for (uint32_t edge = 0; edge < 3; ++edge) {
             const UintV twin = gather(twins, lane_numbers() * 3U + edge, exists);
             const auto is_border = twin == UintV(no_half_edge);
@@ -295,9 +301,14 @@ class GroupSearch {
             const SlopePoint<FloatV> apex =
                 slope_at<FloatV>(third.position, third.normal, image.frame, receiver, wi).slope;
             const auto is_lowest = image.edge_distances[edge] <= image.distance + image.error;
-            folds |= is_lowest && (!has_twin || may_fold<FloatV>(image, area_across<FloatV>(image, edge, apex)));
+            const FloatV across = area_across<FloatV>(image, edge, apex);
+            // Half of the ratio, for all that linearity neglects: the solver decides.
+            const auto is_crease =
+                is_steeper<FloatV>(triangles, image, edge, third.position, across, 0.5 * crease_ratio);
+            ends.at_fold |= is_lowest && (!has_twin || may_fold<FloatV>(image, across));
+            ends.at_crease |= is_lowest && has_twin && is_crease;
         }
-        return folds;
+        return ends;
     }
 
     /// What a sphere light adds to slopes that count, from above; zero for other lights.
@@ -385,7 +396,8 @@ class GroupSearch {
             const Vec2& lowest = candidates.lowest[lane];
             solver.local = options_.selection == Selection::local_minima &&
                            (candidates.linear & ~candidates.exact & 1U << lane) != 0;
-            if (solver.local && corner_at(lowest) != no_corner &&
+            // Next to a corner, too, slopes may end at a crease.
+            if (solver.local && corner_at(lowest) != no_corner && (candidates.creased >> lane & 1U) == 0 &&
                 falls_away_at_corner(reflectors_, triangle, corner_at(lowest), to_vec3(cut.receiver_bound.centre),
                                      light_)) {
                 ++statistics.continued;

@@ -1,6 +1,7 @@
 #include "pathcut/path_merging.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <span>
 #include <tuple>
@@ -25,6 +26,8 @@ float reach(const FoundPath& path, size_t vertex, double distance) {
 
 bool is_same_path(const FoundPath& a, const FoundPath& b, double distance) {
     if (a.path.exact && b.path.exact && a.path.mirrored != b.path.mirrored) return false;
+    constexpr auto ratio = static_cast<float>(crease_ratio);
+    if (a.steepness > ratio * b.steepness || b.steepness > ratio * a.steepness) return false;
     for (size_t i = 0; i < a.path.length; ++i) {
         const float limit = std::min(reach(a, i, distance), reach(b, i, distance));
         if (glm::length(a.positions[i] - b.positions[i]) > limit) return false;
@@ -69,6 +72,9 @@ FoundPath make_found_path(const ReflectorTree& reflectors, std::span<const uint3
     result.path.length = static_cast<uint8_t>(triangles.size());
     result.path.exact = path.status == SolveStatus::exact;
     result.path.mirrored = determinant(path.jacobian, static_cast<int>(triangles.size())) < 0.0;
+    if (triangles.size() == 1) {
+        result.steepness = static_cast<float>(std::abs(glm::determinant(path.jacobian.by_own[0])));
+    }
     for (size_t i = 0; i < triangles.size(); ++i) {
         const PathVertex& vertex = path.vertices[i];
         result.vertices[i] = {triangles[i], static_cast<float>(vertex.barycentrics.x),

@@ -11,6 +11,11 @@
 
 namespace nephroid {
 
+/// Slopes may change over an edge's far side so many times faster than over the near one (the determinants of their
+/// Jacobians) before the edge counts as a crease of curvature: where a flat wall ends in a round rim. What is linear on
+/// one side says nothing of the other, so each has paths of its own.
+inline constexpr double crease_ratio = 4.0;
+
 /// Where a path meets a reflector.
 struct ReflectorVertex {
     uint32_t triangle = 0;  ///< In the reflector tree's order.

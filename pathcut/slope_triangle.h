@@ -230,6 +230,18 @@ F area_across(const SlopeImage<F>& image, size_t edge, const SlopePoint<F>& apex
     return cross(to - from, apex - from);
 }
 
+/// Whether slopes change more than `ratio` times faster across edge `edge`, where the third corner lies at `apex` and
+/// twice the image's area is `across`: by area in slope space over area in space.
+template <class F>
+MaskOf<F> is_steeper(const TriangleLanes<F>& t, const SlopeImage<F>& image, size_t edge, const Triple<F>& apex,
+                     const F& across, double ratio) {
+    const auto& p = t.positions;
+    const Triple<F>&from = p[(edge + 1) % 3], &to = p[edge];
+    const Triple<F> area = cross(p[1] - p[0], p[2] - p[0]), area_across = cross(to - from, apex - from);
+    const F squared_ratio(static_cast<float>(ratio * ratio));
+    return across * across * dot(area, area) > squared_ratio * image.area * image.area * dot(area_across, area_across);
+}
+
 /// Barycentric coordinates of the point of one lane's triangle whose slope is smallest.
 inline Vec2 lowest_point(const SlopeImage<FloatV>& image, size_t lane) {
     if (image.distance[lane] == 0.0F) return {image.weight1[lane], image.weight2[lane]};

@@ -42,23 +42,30 @@ Vec2d half_gradient(const SpecularChain& chain, const ChainEvaluation& evaluatio
     return gradient;
 }
 
+/// How fast slopes of one reflection change about a path, |det dC/dy|, 1/m^2; infinite for more reflections, whose
+/// creases are not told.
+double steepness_of(const ChainEvaluation& evaluation, int length) {
+    return length == 1 ? std::abs(glm::determinant(evaluation.constraints[0].by_vertex)) : INFINITY;
+}
+
 /// A path with one vertex moved to the same point on a neighbouring triangle.
 struct Crossing {
     SurfacePatch patch;
-    Vec2d downhill;  ///< Steepest way down there, plane coordinates, unit; zero if there is none.
+    Vec2d downhill;  ///< Steepest way down there, plane coordinates, unit; zero if there is none, or behind a crease.
 };
 
+/// `steepness`: on this side, if creases count.
 Crossing cross_over(const ReflectorTree& reflectors, SpecularChain chain, ChainPosition position, size_t i,
-                    uint32_t triangle) {
+                    uint32_t triangle, double steepness = INFINITY) {
     Crossing crossing{reflectors.patch(triangle), Vec2d(0.0)};
     const Vec3d point = evaluate(*chain.vertices[i].patch, position[i]).position;
     chain.vertices[i].patch = &crossing.patch;
     position[i] = locate(crossing.patch, point);
     const ChainEvaluation evaluation = evaluate(chain, position);
-    if (!evaluation.admissible) return crossing;
+    if (!evaluation.admissible || steepness_of(evaluation, chain.length) > crease_ratio * steepness) return crossing;
     const Vec2d gradient = half_gradient(chain, evaluation, i);
-    const double steepness = glm::length(gradient);
-    if (steepness > 0.0) crossing.downhill = gradient / -steepness;
+    const double length = glm::length(gradient);
+    if (length > 0.0) crossing.downhill = gradient / -length;
     return crossing;
 }
 
@@ -120,10 +127,11 @@ uint32_t next_triangle(const ReflectorTree& reflectors, const SpecularChain& cha
             });
         }
     }
+    const double steepness = steepness_of(evaluate(chain, position), chain.length);
     for (uint32_t edge = 0; edge < 3; ++edge) {
         const HalfEdge twin = reflectors.twins[triangle][edge];
         if (weight[(edge + 2) % 3] > on_edge || twin == no_half_edge) continue;
-        const Crossing crossing = cross_over(reflectors, chain, position, i, triangle_of(twin));
+        const Crossing crossing = cross_over(reflectors, chain, position, i, triangle_of(twin), steepness);
         if (falls_from_edge(crossing, edge_of(twin))) return triangle_of(twin);
     }
     return no_triangle;

@@ -214,3 +214,33 @@ TEST_CASE("beams beyond their limit are dropped, and counted") {
         CHECK(some.count_exact() < all.count_exact());
     }
 }
+
+TEST_CASE("a flat wall that ends in a round rim has paths on both sides of the seam") {
+    // Slopes fall from the wall to an exact path behind the seam, where they change thirty times as fast: what lobe is
+    // right there covers nothing of the wall.
+    constexpr double top = 0.48, radius = 0.03;
+    const Shape shape = [](double u, double v) -> ShapePoint {
+        const double z = u - 0.5;
+        if (v <= 0.5) return {{0.0, 2.0 * v * top, z}, {1.0, 0.0, 0.0}};
+        const double turn = 3.14159265 * (v - 0.5);
+        const Vec3d normal(std::cos(turn), std::sin(turn), 0.0);
+        return {Vec3d(-radius, top, z) + radius * normal, normal};
+    };
+    Search wall;
+    add_shape(wall.reflectors, shape, 12, 12, 0.02F);
+    wall.receivers = {Vec3(1.0F, 0.0F, 0.01F)};
+    wall.lights = {point_light_at({3.0F, 2.0F, 0.02F})};
+    wall.acceptance.alpha_multiple = 6.0;
+    const SearchResult found = run_checked(wall);
+    bool on_wall = false, on_rim = false;
+    for (const RepresentativePath& path : found.paths.of_receiver(0)) {
+        const ReflectorVertex& vertex = found.paths.vertices_of(path)[0];
+        double highest = 0.0;
+        for (const Vec3d& corner : found.tree.patch(vertex.triangle).positions) highest = std::max(highest, corner.y);
+        const bool in_rim = highest > top + 1e-6;
+        if (in_rim && path.exact) on_rim = true;
+        if (!in_rim && !path.exact && std::abs(found.position(vertex).y - top) < 1e-6) on_wall = true;
+    }
+    CHECK(on_rim);
+    CHECK(on_wall);
+}

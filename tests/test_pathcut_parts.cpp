@@ -79,6 +79,14 @@ TEST_CASE("paths merge by distance, the better one stays") {
         CHECK(merge_paths(paths, 0.1) == 1);  // A relaxed one gives way to either.
         CHECK(triangles_of(paths) == std::vector<uint32_t>{1, 2});
     }
+    SUBCASE("paths on the two sides of a crease stay both") {
+        paths = {found_path(1, p), found_path(2, p, false, 0.1F)};
+        paths[0].steepness = 100.0F;
+        paths[1].steepness = 1.0F;
+        CHECK(merge_paths(paths, 0.1) == 0);
+        paths[1].steepness = 90.0F;
+        CHECK(merge_paths(paths, 0.1) == 1);
+    }
     SUBCASE("never across receivers, lights or lengths") {
         paths = {found_path(1, p), found_path(1, p), found_path(1, p), found_path(1, p)};
         paths[1].path.length = 2;
