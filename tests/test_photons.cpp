@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <random>
+#include <tuple>
 
 #include "core/casters.h"
 #include "guiding/slope_path.h"
@@ -28,6 +29,11 @@ struct TracedPhotons {
     GuidedPaths paths;
     std::vector<CausticPhoton> photons;
 };
+
+LandedPhoton from_to(const Vec3& x, const Vec3& y) {
+    const float distance = glm::length(y - x);
+    return {x, (y - x) / distance, distance, 1.0F};
+}
 
 }  // namespace
 
@@ -109,14 +115,14 @@ TEST_CASE("photon lobes have the spread of what they are fitted to") {
     std::uniform_real_distribution<float> uniform(0.0F, 1.0F);
     for (const float scale : {1e-4F, 1.0F, 1e5F}) {
         // GGX's profile about the z axis, .01 and .03 wide.
-        std::vector<PhotonOrigin> origins;
+        std::vector<LandedPhoton> photons;
         for (int i = 0; i < 400; ++i) {
             const float u = uniform(generator), turn = 6.2831853F * uniform(generator);
             const float radius = std::sqrt(u / (1.0F - u));
-            origins.push_back(
-                {scale * Vec3(0.01F * radius * std::cos(turn), 0.03F * radius * std::sin(turn), 1.0F), scale * scale});
+            photons.push_back(from_to(
+                Vec3(0.0F), scale * Vec3(0.01F * radius * std::cos(turn), 0.03F * radius * std::sin(turn), 1.0F)));
         }
-        const auto lobes = fit_photon_lobes(Vec3(0.0F), origins, 5.0F, 1e-4F * scale);
+        const auto lobes = fit_photon_lobes(Vec3(0.0F), Vec3(0.0F, 0.0F, 1.0F), photons, 5.0F, 1e-4F * scale);
         REQUIRE(!lobes.empty());
         float weight = 0.0F;
         const CachedSlopeLobe<float>* heaviest = &lobes[0];
@@ -134,20 +140,93 @@ TEST_CASE("photon lobes have the spread of what they are fitted to") {
     }
 }
 
-TEST_CASE("photon lobes of degenerate origins") {
-    const Vec3 x(1.0F, 2.0F, 3.0F);
-    const PhotonOrigin one{x + Vec3(0.0F, 1.0F, 0.0F), 1.0F};
-    CHECK(fit_photon_lobes(x, std::vector<PhotonOrigin>(), 1.0F, 0.1F).empty());
-    CHECK(fit_photon_lobes(x, std::vector<PhotonOrigin>(3, one), 1.0F, 0.1F).empty());
-    CHECK(fit_photon_lobes(x, std::vector<PhotonOrigin>(9, {x, 1.0F}), 1.0F, 0.1F).empty());
-    std::vector<PhotonOrigin> line;
-    for (int i = 0; i < 20; ++i) line.push_back({x + Vec3(0.001F * static_cast<float>(i), 1.0F, 0.0F), 1.0F});
-    for (const auto& origins : {std::vector<PhotonOrigin>(9, one), line}) {
-        for (const auto& cached : fit_photon_lobes(x, origins, 1.0F, 0.01F)) {
+TEST_CASE("photon lobes follow the receiver") {
+    // A lamp far behind a mirror at x = 1, spread by .003: light comes from the same direction everywhere. A lamp at
+    // that mirror: from the same point.
+    std::mt19937 generator(5);
+    std::uniform_real_distribution<float> uniform(-1.0F, 1.0F);
+    std::normal_distribution<float> spread(0.0F, 0.003F);
+    for (const float scale : {1e-4F, 1.0F, 1e5F}) {
+        for (const bool far : {true, false}) {
+            std::vector<LandedPhoton> photons;
+            for (int i = 0; i < 60; ++i) {
+                const Vec3 x(0.1F * uniform(generator), 0.1F * uniform(generator), 0.0F);
+                const Vec3 source = far ? Vec3(100.0F, 0.0F, 60.0F) : Vec3(1.0F, 0.0F, 0.6F);
+                const Vec3 towards = source - x;
+                const Vec3 y =
+                    x + towards / towards.x * (1.0F - x.x) + Vec3(0.0F, spread(generator), spread(generator));
+                photons.push_back(from_to(scale * x, scale * y));
+            }
+            const auto lobes = fit_photon_lobes(Vec3(0.0F), Vec3(0.0F, 0.0F, 1.0F), photons, 1.0F, 0.2F * scale);
+            REQUIRE(!lobes.empty());
+            const Vec3 shifted(0.04F, -0.06F, 0.0F);
+            const Vec3 expected = glm::normalize((far ? Vec3(100.0F, 0.0F, 60.0F) : Vec3(1.0F, 0.0F, 0.6F)) - shifted);
+            float density = 0.0F;
+            for (const CachedSlopeLobe<float>& cached : lobes) {
+                const SlopeLobe<float> lobe = warped(cached, to_triple(scale * shifted), {}, SlopeWarp::newton);
+                density += cached.weight * inv_pi * lobe.determinant() * relative_density(lobe, to_triple(expected));
+            }
+            // Ten times as wide as the light is; shifts unaccounted for would leave about 20.
+            INFO("scale ", scale, ", far ", far, ", density ", density);
+            CHECK(density > 400.0F);
+        }
+    }
+}
+
+TEST_CASE("photon lobes of degenerate photons") {
+    const Vec3 x(1.0F, 2.0F, 3.0F), up(0.0F, 1.0F, 0.0F);
+    const LandedPhoton one = from_to(x, x + up);
+    const LandedPhoton nowhere{x, up, 0.0F, 1.0F};
+    CHECK(fit_photon_lobes(x, up, std::vector<LandedPhoton>(), 1.0F, 0.1F).empty());
+    CHECK(fit_photon_lobes(x, up, std::vector<LandedPhoton>(3, one), 1.0F, 0.1F).empty());
+    CHECK(fit_photon_lobes(x, up, std::vector<LandedPhoton>(9, nowhere), 1.0F, 0.1F).empty());
+    std::vector<LandedPhoton> line, row, behind(9, from_to(x, x - up));
+    for (int i = 0; i < 20; ++i) {
+        const Vec3 along(0.001F * static_cast<float>(i), 0.0F, 0.0F);
+        line.push_back(from_to(x, x + up + along));
+        row.push_back(from_to(x + along, x + up));
+    }
+    behind.push_back(one);
+    for (const auto& photons : {std::vector<LandedPhoton>(9, one), line, row, behind}) {
+        for (const auto& cached : fit_photon_lobes(x, up, photons, 1.0F, 0.01F)) {
             const SlopeLobe<float> lobe = unmoved(cached, x);
             CHECK(std::isfinite(lobe.determinant()));
             CHECK(lobe.determinant() > 0.0F);
             CHECK(cached.weight > 0.0F);
+            CHECK(std::isfinite(cached.move1.x + cached.move1.y + cached.move2.x + cached.move2.y));
         }
     }
+}
+
+TEST_CASE("more long photons bring the same light") {
+    const testing::CausticScene caustic = testing::ring_caustic(0.1F);
+    constexpr uint32_t count = 1U << 19;
+    const TracedPhotons even(caustic, count, 3);
+    const auto long_power = [](const std::vector<CausticPhoton>& photons) {
+        double sum = 0.0, squares = 0.0;
+        size_t number = 0;
+        for (const CausticPhoton& photon : photons) {
+            if (photon.reflections < 2) continue;
+            sum += double{photon.power};
+            squares += double{photon.power} * double{photon.power};
+            ++number;
+        }
+        return std::tuple(sum, squares, number);
+    };
+    std::vector<CausticPhoton> photons = even.photons;
+    std::vector<uint32_t> useful;
+    for (uint32_t i = 0; i < photons.size(); ++i) {
+        // Those of a corner alone: starts are most uneven.
+        if (photons[i].reflections > 1 && photons[i].at.position.x > 0.3F) useful.push_back(i);
+    }
+    REQUIRE(!useful.empty());
+    const double enough = 2.0 * static_cast<double>(useful.size());
+    add_long_photons(even.prepared.context, even.paths, useful, count, 3, enough, 4 * count, photons);
+    const auto [before, squares_before, number_before] = long_power(even.photons);
+    const auto [after, squares_after, number_after] = long_power(photons);
+    INFO(before, " of ", number_before, ", ", after, " of ", number_after);
+    CHECK(static_cast<double>(number_after - number_before) > 0.5 * enough);
+    CHECK(std::abs(after - before) < 4.0 * std::sqrt(squares_before + squares_after));
+    CHECK(std::sqrt(squares_after) < 0.05 * after);
+    for (size_t i = even.photons.size(); i < photons.size(); ++i) CHECK(photons[i].reflections > 1);
 }

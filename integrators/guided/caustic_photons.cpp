@@ -4,39 +4,38 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "core/delta_light.h"
 #include "core/rounding.h"
+#include "integrators/guided/photon_starts.h"
 
 namespace nephroid {
 
 namespace {
 
 constexpr uint32_t photons_per_task = 1024;
-constexpr uint32_t photon_seed = 0x3c6ef372U;
+constexpr uint32_t photon_seed = 0x3c6ef372U, long_photon_seed = 0x5be0cd19U;
 
 /// Dimension pairs of a photon: three for its start, then two per reflection.
 enum PhotonDimension : uint32_t { triangle_choice, triangle_point, first_scatter };
 
 class PhotonTracer {
   public:
-    PhotonTracer(const RenderContext& context, const GuidedPaths& prepared, uint32_t count, uint32_t most_reflections)
-        : context_(context), prepared_(prepared), count_(count), most_reflections_(most_reflections) {
-        const ReflectorTree& reflectors = prepared.reflectors;
-        for (uint32_t i = 0; i < reflectors.size(); ++i) {
-            const Vec3 e1 = reflectors.position(i, 1) - reflectors.position(i, 0);
-            const Vec3 e2 = reflectors.position(i, 2) - reflectors.position(i, 0);
-            total_area_ += 0.5 * double{glm::length(glm::cross(e1, e2))};
-            area_up_to_.push_back(total_area_);
-        }
-    }
+    /// `paths` is how many share the light; 1 / starts' density is in the powers.
+    PhotonTracer(const RenderContext& context, const GuidedPaths& prepared, const PhotonStarts& starts, uint32_t count,
+                 uint32_t most_reflections, uint32_t seed)
+        : context_(context),
+          prepared_(prepared),
+          starts_(starts),
+          paths_per_light_(static_cast<float>(count) / static_cast<float>(prepared.lights.size())),
+          most_reflections_(most_reflections),
+          seed_(seed) {}
 
     void trace(uint32_t index, std::vector<CausticPhoton>& landed) const {
         const auto lights = static_cast<uint32_t>(prepared_.lights.size());
         const uint32_t light_index = prepared_.lights[index % lights].index;
         const PunctualLight& light = context_.scene.lights[light_index];
-        const uint32_t seed = pixel_seed(index % lights, 0U, context_.seed ^ photon_seed), sample = index / lights;
+        const uint32_t seed = pixel_seed(index % lights, 0U, seed_), sample = index / lights;
         Photon photon;
         if (!start(light, seed, sample, photon)) return;
         const Vec3 first_reflection = photon.surface.position;
@@ -52,6 +51,7 @@ class PhotonTracer {
             if (!narrow) {
                 landed.push_back(landing(photon, hit, reflection + 1));
                 landed.back().light = light_index;
+                landed.back().triangle = photon.triangle;
                 landed.back().first_reflection = first_reflection;
                 landed.back().second_reflection = second_reflection;
             }
@@ -62,6 +62,7 @@ class PhotonTracer {
 
   private:
     struct Photon {
+        uint32_t triangle = 0;       ///< Where it started.
         SurfaceInteraction surface;  ///< Where it is.
         Vec3 wi{0.0F};               ///< Unit, to where it comes from.
         Vec3 origin{0.0F}, direction{0.0F};
@@ -72,10 +73,8 @@ class PhotonTracer {
 
     /// At a point of the reflectors that the light shines on.
     bool start(const PunctualLight& light, uint32_t seed, uint32_t sample, Photon& photon) const {
-        const float choice = sample_1d(SamplerKind::sobol, seed, sample, triangle_choice);
-        const auto found = std::upper_bound(area_up_to_.begin(), area_up_to_.end(), double{choice} * total_area_);
-        const auto triangle = static_cast<uint32_t>(
-            std::min<std::ptrdiff_t>(found - area_up_to_.begin(), static_cast<std::ptrdiff_t>(area_up_to_.size()) - 1));
+        const uint32_t triangle = starts_.triangle(sample_1d(SamplerKind::sobol, seed, sample, triangle_choice));
+        photon.triangle = triangle;
         const auto [u, v] = sample_2d(SamplerKind::sobol, seed, sample, triangle_point);
         const float root = std::sqrt(u);
         const Vec2 weights(1.0F - root, v * root);
@@ -94,8 +93,7 @@ class PhotonTracer {
                 ? context_.accelerator.occluded({origin, photon.wi})
                 : context_.accelerator.occluded({origin, light.position - origin,
                                                  1.0F - 1e-5F - light.radius / glm::length(light.position - origin)});
-        const auto paths = static_cast<float>(count_) / static_cast<float>(prepared_.lights.size());
-        photon.power = photon.irradiance * (cosine * static_cast<float>(total_area_) / paths);
+        photon.power = photon.irradiance * (cosine / (starts_.pdf(triangle) * paths_per_light_));
         return !occluded;
     }
 
@@ -140,18 +138,14 @@ class PhotonTracer {
 
     const RenderContext& context_;
     const GuidedPaths& prepared_;
-    uint32_t count_;
+    const PhotonStarts& starts_;
+    float paths_per_light_;
     uint32_t most_reflections_;
-    std::vector<double> area_up_to_;  ///< Of all triangles up to each, m^2.
-    double total_area_ = 0.0;
+    uint32_t seed_;
 };
 
-}  // namespace
-
-std::vector<CausticPhoton> trace_caustic_photons(const RenderContext& context, const GuidedPaths& prepared,
-                                                 uint32_t count, uint32_t most_reflections) {
-    if (prepared.reflectors.size() == 0 || prepared.lights.empty()) return {};
-    const PhotonTracer tracer(context, prepared, count, most_reflections);
+/// What `count` paths find, but for photons of fewer than `fewest_reflections`.
+std::vector<CausticPhoton> trace_all(const PhotonTracer& tracer, uint32_t count, uint32_t fewest_reflections) {
     const uint32_t tasks = (count + photons_per_task - 1) / photons_per_task;
     std::vector<std::vector<CausticPhoton>> parts(tasks);
     tbb::parallel_for(uint32_t{0}, tasks, [&](uint32_t task) {
@@ -160,10 +154,47 @@ std::vector<CausticPhoton> trace_caustic_photons(const RenderContext& context, c
     });
     std::vector<CausticPhoton> landed;
     for (const auto& part : parts) landed.insert(landed.end(), part.begin(), part.end());
-    std::erase_if(landed, [](const CausticPhoton& p) {
-        return !(p.power > 0.0F && p.radiance > 0.0F) || !std::isfinite(p.power) || !std::isfinite(p.radiance);
+    std::erase_if(landed, [&](const CausticPhoton& p) {
+        return p.reflections < fewest_reflections || !(p.power > 0.0F && p.radiance > 0.0F) ||
+               !std::isfinite(p.power) || !std::isfinite(p.radiance);
     });
     return landed;
+}
+
+}  // namespace
+
+std::vector<CausticPhoton> trace_caustic_photons(const RenderContext& context, const GuidedPaths& prepared,
+                                                 uint32_t count, uint32_t most_reflections) {
+    if (prepared.reflectors.size() == 0 || prepared.lights.empty()) return {};
+    const PhotonStarts starts(prepared.reflectors);
+    return trace_all({context, prepared, starts, count, most_reflections, context.seed ^ photon_seed}, count, 1);
+}
+
+void add_long_photons(const RenderContext& context, const GuidedPaths& prepared, std::span<const uint32_t> useful,
+                      uint32_t count, uint32_t most_reflections, double enough, uint32_t most,
+                      std::vector<CausticPhoton>& photons) {
+    if (useful.empty()) return;
+    std::vector<uint32_t> triangles;
+    for (const uint32_t i : useful) triangles.push_back(photons[i].triangle);
+    const PhotonStarts even(prepared.reflectors), starts = even.around(triangles);
+    const double per_path = static_cast<double>(useful.size()) * starts.gain(triangles) / static_cast<double>(count);
+    const auto more = static_cast<uint32_t>(std::min(std::ceil(enough / per_path), static_cast<double>(most)));
+    const auto found =
+        trace_all({context, prepared, starts, more, most_reflections, context.seed ^ long_photon_seed}, more, 2);
+    // Powers are shares of one estimate so far.
+    const auto share = [&](const CausticPhoton& photon, const PhotonStarts& own, uint32_t paths) {
+        const auto expected = [&](const PhotonStarts& s, uint32_t n) {
+            return s.pdf(photon.triangle) * static_cast<float>(n);
+        };
+        return expected(own, paths) / (expected(even, count) + expected(starts, more));
+    };
+    for (CausticPhoton& photon : photons) {
+        if (photon.reflections > 1) photon.power *= share(photon, even, count);
+    }
+    for (const CausticPhoton& photon : found) {
+        photons.push_back(photon);
+        photons.back().power *= share(photon, starts, more);
+    }
 }
 
 }  // namespace nephroid

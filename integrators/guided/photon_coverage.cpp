@@ -22,7 +22,7 @@ constexpr float told_fraction = 0.5F;
 constexpr uint32_t most_per_point = 2;
 
 /// Photons [begin, end) in groups that fill the mixtures' vectors.
-void measure(const SlopeCache& cache, SlopeMixtures& mixtures, const std::vector<CausticPhoton>& photons, size_t begin,
+void measure(const SlopeCache& cache, SlopeMixtures& mixtures, std::span<const CausticPhoton> photons, size_t begin,
              size_t end, std::vector<PhotonCoverage>& coverage) {
     std::array<size_t, SlopeMixtures::most_mixtures> group;
     std::array<FoundPoint, SlopeMixtures::most_points> found;
@@ -51,7 +51,7 @@ void measure(const SlopeCache& cache, SlopeMixtures& mixtures, const std::vector
 }  // namespace
 
 std::vector<PhotonCoverage> measure_coverage(const SlopeCache& cache, const SlopeMixtureOptions& options,
-                                             const std::vector<CausticPhoton>& photons) {
+                                             std::span<const CausticPhoton> photons) {
     std::vector<PhotonCoverage> coverage(photons.size());
     tbb::enumerable_thread_specific<std::unique_ptr<SlopeMixtures>> threads;
     constexpr size_t grain = 1024;

@@ -1,6 +1,7 @@
 // How well a cache of lobes covers the light that photons have found, and where it needs more points.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "guiding/slope_mixture.h"
@@ -23,7 +24,7 @@ struct PhotonCoverage {
 
 /// For every photon. Parallel and deterministic.
 std::vector<PhotonCoverage> measure_coverage(const SlopeCache& cache, const SlopeMixtureOptions& options,
-                                             const std::vector<CausticPhoton>& photons);
+                                             std::span<const CausticPhoton> photons);
 
 /// About the area that a cached point stands for, m^2.
 float cached_area(const CachedPoint& point);

@@ -26,6 +26,11 @@ constexpr float trial_fraction = 0.5F;
 /// At most so many points are added in a round, as a share of those before.
 constexpr float most_added = 0.25F;
 
+/// Photons of two and more reflections for each cached point, and how many times the paths of all photons these may
+/// take.
+constexpr double long_photons_per_point = 8.0;
+constexpr uint32_t most_long_paths = 4;
+
 /// Where dots bring less than that (PoorlyCovered::excess), another round takes more time than noise away.
 constexpr double least_excess = 8.0;
 
@@ -118,10 +123,26 @@ class SlopeCacheMaker {
         const auto count = static_cast<uint32_t>(settings_.photons * static_cast<double>(found_.receivers.size()));
         photons_ = trace_caustic_photons(context_, found_, count, context_.max_depth - 1);
         coverage_ = measure_coverage(cache_, options_, photons_);
+        trace_long_photons(count);
         statistics_.photons = photons_.size();
         statistics_.served_photons = static_cast<size_t>(
             std::count_if(coverage_.begin(), coverage_.end(), [](const auto& at) { return at.bsdf_pdf > 0.0F; }));
         statistics_.seconds_photons = stopwatch_.lap();
+    }
+
+    /// Photons of several reflections are few, and they alone tell of such light: as many as lobes need.
+    void trace_long_photons(uint32_t count) {
+        if (!(settings_.bounces > 1 && settings_.long_paths == LongPaths::photons) && found_.is_searched) return;
+        std::vector<uint32_t> useful;
+        for (uint32_t i = 0; i < photons_.size(); ++i) {
+            if (photons_[i].reflections > 1 && coverage_[i].bsdf_pdf > 0.0F) useful.push_back(i);
+        }
+        const double enough = long_photons_per_point * static_cast<double>(found_.receivers.size());
+        add_long_photons(context_, found_, useful, count, context_.max_depth - 1, enough, most_long_paths * count,
+                         photons_);
+        const std::span<const CausticPhoton> added = std::span(photons_).subspan(coverage_.size());
+        const auto more = measure_coverage(cache_, options_, added);
+        coverage_.insert(coverage_.end(), more.begin(), more.end());
     }
 
     void add_points() {

@@ -9,7 +9,7 @@ namespace nephroid {
 namespace {
 
 constexpr size_t gathered_points = 16;
-constexpr size_t enough_origins = 200;
+constexpr size_t enough_photons = 200;
 
 }  // namespace
 
@@ -21,27 +21,27 @@ UncoveredPhotons::UncoveredPhotons(const SlopeCache& cache, const std::vector<Ca
     };
     for (size_t i = 0; i < photons.size(); ++i) first_[coverage[i].nearest + 1] += is_wanted(i) ? 1 : 0;
     std::partial_sum(first_.begin(), first_.end(), first_.begin());
-    origins_.resize(first_.back());
+    photons_.resize(first_.back());
     std::vector<uint32_t> next(first_.begin(), first_.end() - 1);
     for (size_t i = 0; i < photons.size(); ++i) {
         const CausticPhoton& photon = photons[i];
         if (!is_wanted(i)) continue;
-        origins_[next[coverage[i].nearest]++] = {photon.at.position + photon.wi * photon.distance, photon.power};
+        photons_[next[coverage[i].nearest]++] = {photon.at.position, photon.wi, photon.distance, photon.power};
     }
 }
 
 std::vector<CachedSlopeLobe<float>> UncoveredPhotons::lobes_at(const CachedPoint& point) const {
     std::array<FoundPoint, gathered_points> found;
     const size_t count = cache_.lookup.find(point.position, point.normal, found);
-    std::vector<PhotonOrigin> origins;
+    std::vector<LandedPhoton> photons;
     float area = 0.0F, power = 0.0F;
-    for (size_t k = 0; k < count && origins.size() < enough_origins; ++k) {
+    for (size_t k = 0; k < count && photons.size() < enough_photons; ++k) {
         const uint32_t i = found[k].index;
-        origins.insert(origins.end(), origins_.begin() + first_[i], origins_.begin() + first_[i + 1]);
+        photons.insert(photons.end(), photons_.begin() + first_[i], photons_.begin() + first_[i + 1]);
         area += cached_area(cache_.points[i]);
     }
-    for (const PhotonOrigin& origin : origins) power += origin.power;
-    return fit_photon_lobes(point.position, origins, power / area, std::sqrt(area));
+    for (const LandedPhoton& photon : photons) power += photon.power;
+    return fit_photon_lobes(point.position, point.normal, photons, power / area, std::sqrt(area));
 }
 
 }  // namespace nephroid

@@ -20,8 +20,8 @@ class UncoveredPhotons {
 
   private:
     const SlopeCache& cache_;
-    std::vector<uint32_t> first_;  ///< Of each cached point, and one more.
-    std::vector<PhotonOrigin> origins_;
+    std::vector<uint32_t> first_;        ///< Of each cached point, and one more.
+    std::vector<LandedPhoton> photons_;  ///< Those of each point.
 };
 
 }  // namespace nephroid
