@@ -21,7 +21,7 @@ enum PhotonDimension : uint32_t { triangle_choice, triangle_point, first_scatter
 
 class PhotonTracer {
   public:
-    /// `paths` is how many share the light; 1 / starts' density is in the powers.
+    /// Powers are those of `count` paths that share all light.
     PhotonTracer(const RenderContext& context, const GuidedPaths& prepared, const PhotonStarts& starts, uint32_t count,
                  uint32_t most_reflections, uint32_t seed)
         : context_(context),
