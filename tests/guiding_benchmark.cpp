@@ -2,7 +2,7 @@
 // test.
 //
 //   guiding_benchmark SCENE.glb [--size WxH] [--points N] [--samples N] [--cached-points N] [--schemes
-//   path,paper,slope] [--reflections 1|2] [--fraction B]
+//   path,paper,slope] [--reflections 1|2] [--fraction B] [--fresh-photons N]
 //
 // Light by one reflection alone. Every scheme's second moment is measured with the same broad proposal (lobes found for
 // the point itself, half of the samples over the whole hemisphere): measured with its own samples, a scheme that misses
@@ -13,6 +13,10 @@
 //
 // With --reflections 2, light by two reflections and the default settings: as rendered, its part if the second
 // direction were perfect, and path tracing (tests/two_reflections.h).
+//
+// With --fresh-photons, only light of two and more reflections, by so many photons a cached point that no lobe was
+// fitted to: a sample's second moment over the squared mean at a fraction of one half, and the share of the light for
+// which the guide's density is less than twice the BSDF's.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -29,6 +33,7 @@
 #include "core/warp.h"
 #include "integrators/guided/guided_integrator.h"
 #include "integrators/guided/lobe_weight.h"
+#include "integrators/guided/photon_coverage.h"
 #include "pathcut/densify.h"
 #include "tests/two_reflections.h"
 
@@ -46,6 +51,7 @@ struct Options {
     std::vector<std::string> schemes{"path", "paper", "slope"};
     int reflections = 1;
     std::optional<float> fraction;  ///< Of slope lobes; none: as rendered.
+    uint32_t fresh_photons = 0;
 
     bool measures(const std::string& scheme) const {
         return std::find(schemes.begin(), schemes.end(), scheme) != schemes.end();
@@ -182,7 +188,43 @@ class Benchmark {
         return summaries({"guided", "guided, second direction perfect", "path"}, results);
     }
 
+    nlohmann::json run_fresh_photons() {
+        GuidedSettings settings;
+        settings.cached_points = options_.cached_points;
+        context_.max_depth = 12;  // As `render` has it.
+        GuidedPaths found = paths_to(cached(settings), settings);
+        GuidedStatistics statistics;
+        const MadeSlopeCache made = make_slope_cache(context_, found, {}, settings, statistics);
+        RenderContext other = context_;
+        other.seed = 78;
+        const auto count = options_.fresh_photons * static_cast<uint32_t>(found.receivers.size());
+        const auto photons = trace_caustic_photons(other, found, count, context_.max_depth - 1);
+        return {{"scene", options_.scene}, {"fresh_photons", fresh_summary(made.cache, photons)}};
+    }
+
   private:
+    static nlohmann::json fresh_summary(const SlopeCache& cache, const std::vector<CausticPhoton>& photons) {
+        const auto coverage = measure_coverage(cache, SlopeMixtureOptions(), photons);
+        std::vector<double> power(cache.points.size());
+        for (size_t i = 0; i < photons.size(); ++i) {
+            if (coverage[i].bsdf_pdf > 0.0F) power[coverage[i].nearest] += double{photons[i].power};
+        }
+        double moment = 0.0, smooth = 0.0, left = 0.0, all = 0.0;
+        size_t number = 0;
+        for (size_t i = 0; i < photons.size(); ++i) {
+            const PhotonCoverage& at = coverage[i];
+            if (photons[i].reflections < 2 || !(at.bsdf_pdf > 0.0F)) continue;
+            const double own = double{photons[i].power};
+            moment += own * double{at.sample_value(photons[i], 0.5F)};
+            smooth += own * power[at.nearest] / double{cached_area(cache.points[at.nearest])};
+            left += at.guide_pdf < 2.0F * at.bsdf_pdf ? own : 0.0;
+            all += own;
+            ++number;
+        }
+        if (number == 0) return {{"photons", 0}};
+        return {{"photons", number}, {"second_moment", moment / smooth}, {"left_to_bsdf", left / all}};
+    }
+
     nlohmann::json summaries(const std::vector<std::string>& names, const std::vector<PointResult>& results) const {
         nlohmann::json json{{"scene", options_.scene}, {"points", results.size()}};
         for (size_t s = 0; s < names.size(); ++s) {
@@ -288,6 +330,8 @@ std::optional<Options> parse_options(int argc, char** argv) {
     app.add_option("--reflections", options.reflections, "of the light [1]")->check(CLI::Range(1, 2));
     app.add_option("--fraction", options.fraction, "of the guide, for slope lobes [as rendered]")
         ->check(CLI::Range(0.01, 0.99));
+    app.add_option("--fresh-photons", options.fresh_photons, "a cached point: measures light of several reflections")
+        ->check(CLI::Range(1, 4096));
     if (!parse_command_line(app, argc, argv)) return std::nullopt;
     if (!size.empty()) parse_size(size, options);
     return options;
@@ -301,6 +345,7 @@ nlohmann::json measure_scene(const Options& options) {
         throw Error(ExitCode::invalid_input, options.scene + ": cameras: there is none; add one to the scene");
     }
     Benchmark benchmark(options, scene);
+    if (options.fresh_photons > 0) return benchmark.run_fresh_photons();
     return options.reflections == 1 ? benchmark.run() : benchmark.run_two_reflections();
 }
 
