@@ -4,6 +4,13 @@
 
 namespace nephroid {
 
+namespace {
+
+/// Groups of less than this share of the area have no starts of their own: densities stay finite.
+constexpr double least_group_area = 1e-12;
+
+}  // namespace
+
 PhotonStarts::PhotonStarts(const ReflectorTree& reflectors) {
     double area = 0.0;
     for (uint32_t i = 0; i < reflectors.size(); ++i) {
@@ -32,13 +39,14 @@ PhotonStarts PhotonStarts::around(std::span<const uint32_t> useful) const {
     for (size_t g = 0; g < groups; ++g) {
         const size_t first = g * triangles_per_group, end = std::min(first + triangles_per_group, area_up_to_.size());
         const double area = area_up_to_[end - 1] - area_before(first);
-        const double density = area > 0.0 ? weight[g] / area : 0.0;
+        const double density = area > least_group_area * total_area() ? weight[g] / area : 0.0;
         starts.group_pdf_[g] = static_cast<float>(density);
         for (size_t i = first; i < end; ++i) {
             sum += density * (area_up_to_[i] - area_before(i));
             starts.probability_up_to_[i] = sum;
         }
     }
+    if (!(sum > 0.0)) return *this;
     for (double& up_to : starts.probability_up_to_) up_to /= sum;
     for (float& pdf : starts.group_pdf_) pdf = static_cast<float>(double{pdf} / sum);
     return starts;
