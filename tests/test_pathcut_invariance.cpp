@@ -216,7 +216,7 @@ TEST_CASE("beams beyond their limit are dropped, and counted") {
 }
 
 TEST_CASE("a flat wall that ends in a round rim has paths on both sides of the seam") {
-    // Slopes fall from the wall to an exact path behind the seam, where they change thirty times as fast: what lobe is
+    // Slopes fall from the wall to an exact path behind the seam, where they change tens of times as fast: what lobe is
     // right there covers nothing of the wall.
     constexpr double top = 0.48, radius = 0.03;
     const Shape shape = [](double u, double v) -> ShapePoint {
