@@ -238,8 +238,9 @@ MaskOf<F> is_steeper(const TriangleLanes<F>& t, const SlopeImage<F>& image, size
     const auto& p = t.positions;
     const Triple<F>&from = p[(edge + 1) % 3], &to = p[edge];
     const Triple<F> area = cross(p[1] - p[0], p[2] - p[0]), area_across = cross(to - from, apex - from);
-    const F squared_ratio(static_cast<float>(ratio * ratio));
-    return across * across * dot(area, area) > squared_ratio * image.area * image.area * dot(area_across, area_across);
+    // Roots, because products of four areas would vanish in small scenes.
+    const F here = absolute(image.area) * square_root(dot(area_across, area_across));
+    return absolute(across) * square_root(dot(area, area)) > F(static_cast<float>(ratio)) * here;
 }
 
 /// Barycentric coordinates of the point of one lane's triangle whose slope is smallest.

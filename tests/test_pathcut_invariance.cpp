@@ -231,16 +231,25 @@ TEST_CASE("a flat wall that ends in a round rim has paths on both sides of the s
     wall.receivers = {Vec3(1.0F, 0.0F, 0.01F)};
     wall.lights = {point_light_at({3.0F, 2.0F, 0.02F})};
     wall.acceptance.alpha_multiple = 6.0;
-    const SearchResult found = run_checked(wall);
-    bool on_wall = false, on_rim = false;
-    for (const RepresentativePath& path : found.paths.of_receiver(0)) {
-        const ReflectorVertex& vertex = found.paths.vertices_of(path)[0];
-        double highest = 0.0;
-        for (const Vec3d& corner : found.tree.patch(vertex.triangle).positions) highest = std::max(highest, corner.y);
-        const bool in_rim = highest > top + 1e-6;
-        if (in_rim && path.exact) on_rim = true;
-        if (!in_rim && !path.exact && std::abs(found.position(vertex).y - top) < 1e-6) on_wall = true;
+    for (const double scale : {1e-4, 1.0, 1e5}) {
+        CAPTURE(scale);
+        Search scaled = wall;
+        place(scaled, scale, Vec3d(0.0));
+        const SearchResult found = run_checked(scaled);
+        bool on_wall = false, on_rim = false;
+        for (const RepresentativePath& path : found.paths.of_receiver(0)) {
+            const ReflectorVertex& vertex = found.paths.vertices_of(path)[0];
+            double highest = 0.0;
+            for (const Vec3d& corner : found.tree.patch(vertex.triangle).positions) {
+                highest = std::max(highest, corner.y);
+            }
+            const bool in_rim = highest > scale * (top + 1e-6);
+            if (in_rim && path.exact) on_rim = true;
+            if (!in_rim && !path.exact && std::abs(found.position(vertex).y - scale * top) < scale * 1e-6) {
+                on_wall = true;
+            }
+        }
+        CHECK(on_rim);
+        CHECK(on_wall);
     }
-    CHECK(on_rim);
-    CHECK(on_wall);
 }

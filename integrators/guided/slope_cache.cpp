@@ -89,8 +89,7 @@ class SlopeCacheMaker {
             add_points();
             if (settings_.bounces > 1) add_reflector_points();
         }
-        const bool long_paths = settings_.bounces > 1 && settings_.long_paths == LongPaths::photons;
-        if (long_paths || !found_.is_searched) add_photon_lobes();
+        if (wants_photon_lobes()) add_photon_lobes();
         if (!settings_.guide_fraction) choose_fractions();
         return made();
     }
@@ -132,7 +131,7 @@ class SlopeCacheMaker {
 
     /// Photons of several reflections are few, and they alone tell of such light: as many as lobes need.
     void trace_long_photons(uint32_t count) {
-        if (!(settings_.bounces > 1 && settings_.long_paths == LongPaths::photons) && found_.is_searched) return;
+        if (!wants_photon_lobes()) return;
         std::vector<uint32_t> useful;
         for (uint32_t i = 0; i < photons_.size(); ++i) {
             if (photons_[i].reflections > 1 && coverage_[i].bsdf_pdf > 0.0F) useful.push_back(i);
@@ -199,6 +198,10 @@ class SlopeCacheMaker {
             if (!lobes_[i].empty()) cache_.points[i].fraction = least_variance_fraction(expected_[i], trial_fraction);
         }
         statistics_.seconds_fractions = stopwatch_.lap();
+    }
+
+    bool wants_photon_lobes() const {
+        return (settings_.bounces > 1 && settings_.long_paths == LongPaths::photons) || !found_.is_searched;
     }
 
     bool is_over() const { return settings_.search_end && std::chrono::steady_clock::now() >= *settings_.search_end; }
