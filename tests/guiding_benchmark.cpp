@@ -205,10 +205,7 @@ class Benchmark {
   private:
     static nlohmann::json fresh_summary(const SlopeCache& cache, const std::vector<CausticPhoton>& photons) {
         const auto coverage = measure_coverage(cache, SlopeMixtureOptions(), photons);
-        std::vector<double> power(cache.points.size());
-        for (size_t i = 0; i < photons.size(); ++i) {
-            if (coverage[i].bsdf_pdf > 0.0F) power[coverage[i].nearest] += double{photons[i].power};
-        }
+        const std::vector<float> irradiance = irradiance_at_points(cache, photons, coverage);
         double moment = 0.0, smooth = 0.0, left = 0.0, all = 0.0;
         size_t number = 0;
         for (size_t i = 0; i < photons.size(); ++i) {
@@ -216,7 +213,7 @@ class Benchmark {
             if (photons[i].reflections < 2 || !(at.bsdf_pdf > 0.0F)) continue;
             const double own = double{photons[i].power};
             moment += own * double{at.sample_value(photons[i], 0.5F)};
-            smooth += own * power[at.nearest] / double{cached_area(cache.points[at.nearest])};
+            smooth += own * double{irradiance[at.nearest]};
             left += at.guide_pdf < 2.0F * at.bsdf_pdf ? own : 0.0;
             all += own;
             ++number;

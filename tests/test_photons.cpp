@@ -230,3 +230,49 @@ TEST_CASE("more long photons bring the same light") {
     CHECK(std::sqrt(squares_after) < 0.05 * after);
     for (size_t i = even.photons.size(); i < photons.size(); ++i) CHECK(photons[i].reflections > 1);
 }
+
+TEST_CASE("the second moment of long paths is their own, in squared means of all light") {
+    SlopeCache cache;
+    cache.points.resize(1);
+    cache.points[0].reach = 2.0F * reach_in_footprints;  // Of 4 m^2.
+    std::vector<CausticPhoton> photons(3);
+    photons[0].reflections = 1;
+    photons[0].power = 7.0F;
+    photons[0].radiance = 100.0F;
+    photons[1].reflections = 2;
+    photons[1].power = 1.0F;
+    photons[1].radiance = 3.0F;
+    photons[2].reflections = 3;
+    photons[2].power = 5.0F;  // No point serves it.
+    std::vector<PhotonCoverage> coverage(3);
+    coverage[0] = {0, 0.0F, inv_pi};
+    coverage[1] = {0, 0.0F, inv_pi};
+    // A sample of the long photon is worth 3 / (half of the BSDF's 1 / pi) = 6 pi, in means of (7 + 1) / 4 by shares of
+    // 1 / 8.
+    CHECK(second_moment_of_long_paths(cache, photons, coverage) == doctest::Approx(6.0 * 3.14159265 / 2.0 / 8.0));
+    coverage[1].guide_pdf = 3.0F * inv_pi;
+    CHECK(second_moment_of_long_paths(cache, photons, coverage) == doctest::Approx(1.5 * 3.14159265 / 2.0 / 8.0));
+    coverage[0].bsdf_pdf = coverage[1].bsdf_pdf = 0.0F;
+    CHECK(second_moment_of_long_paths(cache, photons, coverage) == 0.0);
+    CHECK(second_moment_of_long_paths(cache, {}, {}) == 0.0);
+}
+
+TEST_CASE("where long paths bring next to nothing, nothing is made for them") {
+    const auto make = [](const testing::CausticScene& caustic, uint32_t bounces) {
+        testing::PreparedScene prepared(caustic.scene, caustic.camera, 64, 64);
+        GuidedSettings settings;
+        settings.bounces = bounces;
+        GuidedStatistics statistics;
+        GuidedPaths found =
+            find_guided_paths(prepared.context, find_casters(caustic.scene),
+                              choose_receivers(prepared.context, {64, 64, {0, 0, 64, 64}}, 400), settings, statistics);
+        const MadeSlopeCache made = make_slope_cache(prepared.context, found, {}, settings, statistics);
+        return std::tuple(made.photons.size(), made.cache.lobes.size(), made.cache.leads_on);
+    };
+    const testing::CausticScene plane = testing::bumpy_plane_caustic(0.05F);
+    CHECK(make(plane, 2) == make(plane, 1));
+    CHECK(!std::get<bool>(make(plane, 2)));
+    const testing::CausticScene ring = testing::ring_caustic(0.05F);
+    CHECK(std::get<0>(make(ring, 2)) > std::get<0>(make(ring, 1)));
+    CHECK(std::get<bool>(make(ring, 2)));
+}

@@ -15,7 +15,7 @@ namespace {
 /// A sample so many times brighter than its surroundings is a bright dot.
 constexpr float bright = 4.0F;
 
-/// Fraction of the guide that brightness is told for: lower ones only spread the same light over more dots.
+/// Fraction of the guide that samples are told for: lower ones only spread the same light over more dots.
 constexpr float told_fraction = 0.5F;
 
 /// New points near one cached point.
@@ -68,12 +68,32 @@ float cached_area(const CachedPoint& point) {
     return footprint * footprint;
 }
 
+std::vector<float> irradiance_at_points(const SlopeCache& cache, std::span<const CausticPhoton> photons,
+                                        std::span<const PhotonCoverage> coverage) {
+    std::vector<float> irradiance(cache.points.size());
+    for (size_t i = 0; i < photons.size(); ++i) {
+        if (coverage[i].bsdf_pdf > 0.0F) irradiance[coverage[i].nearest] += photons[i].power;
+    }
+    for (size_t i = 0; i < irradiance.size(); ++i) irradiance[i] /= cached_area(cache.points[i]);
+    return irradiance;
+}
+
+double second_moment_of_long_paths(const SlopeCache& cache, std::span<const CausticPhoton> photons,
+                                   std::span<const PhotonCoverage> coverage) {
+    const std::vector<float> irradiance = irradiance_at_points(cache, photons, coverage);
+    double moment = 0.0, squared_mean = 0.0;
+    for (size_t i = 0; i < photons.size(); ++i) {
+        if (!(coverage[i].bsdf_pdf > 0.0F)) continue;
+        const double power{photons[i].power};
+        squared_mean += power * double{irradiance[coverage[i].nearest]};
+        if (photons[i].reflections > 1) moment += power * double{coverage[i].sample_value(photons[i], told_fraction)};
+    }
+    return squared_mean > 0.0 ? moment / squared_mean : 0.0;
+}
+
 PoorlyCovered poorly_covered(const SlopeCache& cache, const std::vector<CausticPhoton>& photons,
                              const std::vector<PhotonCoverage>& coverage, size_t most) {
-    std::vector<float> power(cache.points.size());
-    for (size_t i = 0; i < photons.size(); ++i) {
-        if (coverage[i].bsdf_pdf > 0.0F) power[coverage[i].nearest] += photons[i].power;
-    }
+    const std::vector<float> irradiances = irradiance_at_points(cache, photons, coverage);
     struct Candidate {
         float variance;
         uint32_t photon;
@@ -83,7 +103,7 @@ PoorlyCovered poorly_covered(const SlopeCache& cache, const std::vector<CausticP
     for (uint32_t i = 0; i < photons.size(); ++i) {
         if (photons[i].reflections != 1 || !(coverage[i].bsdf_pdf > 0.0F)) continue;
         const uint32_t nearest = coverage[i].nearest;
-        const float irradiance = power[nearest] / cached_area(cache.points[nearest]);
+        const float irradiance = irradiances[nearest];
         const float excess = coverage[i].sample_value(photons[i], told_fraction) - bright * irradiance;
         smooth += double{photons[i].power} * double{irradiance};
         if (!(excess > 0.0F)) continue;

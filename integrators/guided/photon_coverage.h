@@ -29,6 +29,15 @@ std::vector<PhotonCoverage> measure_coverage(const SlopeCache& cache, const Slop
 /// About the area that a cached point stands for, m^2.
 float cached_area(const CachedPoint& point);
 
+/// By photons that land near each cached point, W/m^2.
+std::vector<float> irradiance_at_points(const SlopeCache& cache, std::span<const CausticPhoton> photons,
+                                        std::span<const PhotonCoverage> coverage);
+
+/// What photons of two and more reflections add to the second moment of a sample, as a multiple of the squared mean of
+/// all photons' light.
+double second_moment_of_long_paths(const SlopeCache& cache, std::span<const CausticPhoton> photons,
+                                   std::span<const PhotonCoverage> coverage);
+
 /// Where a cache needs more points.
 struct PoorlyCovered {
     std::vector<Receiver> points;

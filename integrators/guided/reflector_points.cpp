@@ -10,9 +10,6 @@ namespace nephroid {
 
 namespace {
 
-/// Photons of two and more reflections that bring less than this share of all photons' light are left to the BSDF.
-constexpr float least_long_share = 1e-3F;
-
 /// Points' spacing is halved so many times at most, from the extent of all of them.
 constexpr int most_halvings = 12;
 
@@ -38,19 +35,14 @@ Reflection second_reflection(const CausticPhoton& photon) {
 std::vector<Reflection> later_reflections(const std::vector<CausticPhoton>& photons,
                                           const std::vector<PhotonCoverage>& coverage) {
     std::vector<Reflection> found;
-    double power = 0.0, long_power = 0.0;
     for (uint32_t i = 0; i < photons.size(); ++i) {
         const CausticPhoton& photon = photons[i];
-        if (!(coverage[i].bsdf_pdf > 0.0F)) continue;
-        power += double{photon.power};
-        if (photon.reflections < 2) continue;
-        long_power += double{photon.power};
+        if (!(coverage[i].bsdf_pdf > 0.0F) || photon.reflections < 2) continue;
         found.push_back(last_reflection(photon));
         if (photon.reflections > 2 && photon.second_reflection != photon.first_reflection) {
             found.push_back(second_reflection(photon));
         }
     }
-    if (long_power <= double{least_long_share} * power) found.clear();
     return found;
 }
 

@@ -9,7 +9,7 @@ namespace nephroid {
 
 /// Points where photons of two and more reflections that landed near a cached point were reflected last, which is where
 /// camera paths arrive, and where they were reflected for the second time, where lobes of one reflection lead on to the
-/// light. About evenly spread, at most `most` of them; none where such photons bring next to nothing. Deterministic.
+/// light. About evenly spread, at most `most` of them. Deterministic.
 std::vector<Receiver> choose_reflector_points(const RenderContext& context, const std::vector<CausticPhoton>& photons,
                                               const std::vector<PhotonCoverage>& coverage, size_t most);
 
