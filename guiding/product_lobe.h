@@ -136,7 +136,7 @@ SlopeLobe<F> product_shape(const SlopeLobe<F>& lobe, const ProductCentre<F>& at)
     const F l21 = at.s12 / l11;
     const F l22 = square_root(maximum(at.s22 - l21 * l21, at.s22 * F(1e-6F)));
     const Triple<F> k1 = lobe.row1 - lobe.axis * at.m1, k2 = lobe.row2 - lobe.axis * at.m2;
-    return {lobe.axis, k1 * l11 + k2 * l21, k2 * l22};
+    return with_orthogonal_rows<F>({lobe.axis, k1 * l11 + k2 * l21, k2 * l22});
 }
 
 /// How a lobe of weight one is best sampled together with the BSDF: the weights of the lobe itself, of the product's

@@ -48,6 +48,20 @@ MaskOf<F> is_usable(const SlopeLobe<F>& lobe) {
            (dot(lobe.axis, lobe.axis) < F(2.0F));
 }
 
+/// The same lobe with rows that are orthogonal (a Jacobi rotation; slopes' length is all that counts). Its centre is
+/// the rows' cross product, which has few digits where they are nearly parallel: not enough for a narrow lobe.
+template <class F>
+SlopeLobe<F> with_orthogonal_rows(const SlopeLobe<F>& lobe) {
+    const F one(1.0F);
+    const F p = dot(lobe.row1, lobe.row1), q = dot(lobe.row2, lobe.row2), r = dot(lobe.row1, lobe.row2);
+    const auto is_orthogonal = absolute(r) <= (p + q) * F(1e-12F);
+    const F half_cotangent = (q - p) / (select(is_orthogonal, one, r) * F(2.0F));
+    const F size = one / (absolute(half_cotangent) + square_root(one + half_cotangent * half_cotangent));
+    const F tangent = select(is_orthogonal, F(0.0F), select(half_cotangent < F(0.0F), -size, size));
+    const F cosine = one / square_root(one + tangent * tangent), sine = tangent * cosine;
+    return {lobe.axis, lobe.row1 * cosine - lobe.row2 * sine, lobe.row1 * sine + lobe.row2 * cosine};
+}
+
 /// Density of GGX's slopes at squared length `squared` in units of the width, per squared unit, times pi.
 template <class F>
 F slope_profile(const F& squared) {
@@ -105,7 +119,7 @@ SlopeLobe<F> make_slope_lobe(const Triple<F>& x, const Triple<F>& y, const Tripl
     const Triple<F> f2 = (e2 - normal * (dot(e2, axis) / bounded)) * distance;
     const Triple<F> row1 = f1 * j11 + f2 * j12, row2 = f1 * j21 + f2 * j22;
     // Where the cosine was bounded the rows are not across the axis any more: the density needs them to be.
-    return {axis, row1 - axis * dot(row1, axis), row2 - axis * dot(row2, axis)};
+    return with_orthogonal_rows<F>({axis, row1 - axis * dot(row1, axis), row2 - axis * dot(row2, axis)});
 }
 
 }  // namespace nephroid
