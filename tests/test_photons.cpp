@@ -30,6 +30,16 @@ struct TracedPhotons {
     std::vector<CausticPhoton> photons;
 };
 
+/// For 400 points of a picture of 64 x 64 pixels.
+MadeSlopeCache make_cache(const testing::CausticScene& caustic, const GuidedSettings& settings,
+                          GuidedStatistics& statistics) {
+    testing::PreparedScene prepared(caustic.scene, caustic.camera, 64, 64);
+    GuidedPaths found =
+        find_guided_paths(prepared.context, find_casters(caustic.scene),
+                          choose_receivers(prepared.context, {64, 64, {0, 0, 64, 64}}, 400), settings, statistics);
+    return make_slope_cache(prepared.context, found, {}, settings, statistics);
+}
+
 LandedPhoton from_to(const Vec3& x, const Vec3& y) {
     const float distance = glm::length(y - x);
     return {x, (y - x) / distance, distance, 1.0F};
@@ -90,17 +100,13 @@ TEST_CASE("photons of two reflections land") {
 
 TEST_CASE("points that are added where photons are covered worst leave fewer bright dots, round by round") {
     const testing::CausticScene caustic = testing::bumpy_plane_caustic(0.002F);
-    testing::PreparedScene prepared(caustic.scene, caustic.camera, 64, 64);
     std::vector<double> excess;
     for (const uint32_t refinements : {0U, 1U, 3U}) {
         GuidedSettings settings;
         settings.bounces = 1;
         settings.refinements = refinements;
         GuidedStatistics statistics;
-        GuidedPaths found =
-            find_guided_paths(prepared.context, find_casters(caustic.scene),
-                              choose_receivers(prepared.context, {64, 64, {0, 0, 64, 64}}, 400), settings, statistics);
-        const MadeSlopeCache made = make_slope_cache(prepared.context, found, {}, settings, statistics);
+        const MadeSlopeCache made = make_cache(caustic, settings, statistics);
         CHECK((statistics.added_points > 0) == (refinements > 0));
         const auto coverage = measure_coverage(made.cache, {}, made.photons);
         excess.push_back(poorly_covered(made.cache, made.photons, coverage, 1).excess);
@@ -259,14 +265,10 @@ TEST_CASE("the second moment of long paths is their own, in squared means of all
 
 TEST_CASE("where long paths bring next to nothing, nothing is made for them") {
     const auto make = [](const testing::CausticScene& caustic, uint32_t bounces) {
-        testing::PreparedScene prepared(caustic.scene, caustic.camera, 64, 64);
         GuidedSettings settings;
         settings.bounces = bounces;
         GuidedStatistics statistics;
-        GuidedPaths found =
-            find_guided_paths(prepared.context, find_casters(caustic.scene),
-                              choose_receivers(prepared.context, {64, 64, {0, 0, 64, 64}}, 400), settings, statistics);
-        const MadeSlopeCache made = make_slope_cache(prepared.context, found, {}, settings, statistics);
+        const MadeSlopeCache made = make_cache(caustic, settings, statistics);
         return std::tuple(made.photons.size(), made.cache.lobes.size(), made.cache.leads_on);
     };
     const testing::CausticScene plane = testing::bumpy_plane_caustic(0.05F);

@@ -91,7 +91,7 @@ class SlopeCacheMaker {
         trace_photons();
         if (found_.is_searched) {
             add_points();
-            if (settings_.bounces > 1 && has_long_light_) add_reflector_points();
+            if (guides_long_light_) add_reflector_points();
         }
         if (wants_photon_lobes()) add_photon_lobes();
         if (!settings_.guide_fraction) choose_fractions();
@@ -126,7 +126,8 @@ class SlopeCacheMaker {
         const auto count = static_cast<uint32_t>(settings_.photons * static_cast<double>(found_.receivers.size()));
         photons_ = trace_caustic_photons(context_, found_, count, context_.max_depth - 1);
         coverage_ = measure_coverage(cache_, options_, photons_);
-        has_long_light_ = second_moment_of_long_paths(cache_, photons_, coverage_) > least_long_moment;
+        guides_long_light_ =
+            settings_.bounces > 1 && second_moment_of_long_paths(cache_, photons_, coverage_) > least_long_moment;
         if (wants_photon_lobes()) trace_long_photons(count);
         statistics_.photons = photons_.size();
         statistics_.served_photons = static_cast<size_t>(
@@ -205,8 +206,7 @@ class SlopeCacheMaker {
     }
 
     bool wants_photon_lobes() const {
-        const bool for_long_light = settings_.bounces > 1 && settings_.long_paths == LongPaths::photons;
-        return (for_long_light && has_long_light_) || !found_.is_searched;
+        return (guides_long_light_ && settings_.long_paths == LongPaths::photons) || !found_.is_searched;
     }
 
     bool is_over() const { return settings_.search_end && std::chrono::steady_clock::now() >= *settings_.search_end; }
@@ -224,7 +224,7 @@ class SlopeCacheMaker {
     std::vector<CausticPhoton> photons_;
     std::vector<PhotonCoverage> coverage_;
     std::vector<OddsMoments> expected_;
-    bool has_long_light_ = false;  ///< More than the BSDF should be left with.
+    bool guides_long_light_ = false;  ///< Light of several reflections is asked for, and worth it.
 };
 
 }  // namespace
