@@ -11,6 +11,7 @@
 #include "core/casters.h"
 #include "core/rounding.h"
 #include "core/sampler.h"
+#include "pathcut/receiver_spacing.h"
 
 namespace nephroid {
 
@@ -24,6 +25,10 @@ constexpr double close_below = 0.9, close_above = 1.1;
 /// A square of surface is never seen more slanted than this cosine says: at the horizon it would be endless.
 constexpr float smallest_cosine = 0.05F;
 constexpr float largest_footprint = 0.25F;  // Of the scene's diagonal.
+/// A point stands for at least this share of the distance to the so many-th neighbour, which is less than what evenly
+/// spaced points stand for anyway.
+constexpr float spacing_share = 0.5F;
+constexpr uint32_t spacing_neighbours = 4;
 
 /// The crop divided into cells of nearly square shape, numbered row by row.
 struct CellGrid {
@@ -292,6 +297,16 @@ std::vector<Receiver> sorted_along_morton_curve(const std::vector<Receiver>& rec
     return sorted;
 }
 
+/// Curved mirrors spread rays further than flat ones: what points seen in them stand for is told by how far apart they
+/// are.
+void widen_to_neighbours(std::vector<Receiver>& receivers, float footprint_limit) {
+    const std::vector<float> spacing = receiver_spacing(receivers, spacing_neighbours);
+    for (size_t i = 0; i < receivers.size(); ++i) {
+        float& footprint = receivers[i].footprint;
+        footprint = std::max(footprint, std::min(spacing_share * spacing[i], footprint_limit));
+    }
+}
+
 /// Keeps `count` points, evenly along the curve that they are sorted by; each then stands for more surface.
 void thin_out(std::vector<Receiver>& receivers, size_t count, float footprint_limit) {
     const size_t before = receivers.size();
@@ -338,6 +353,7 @@ std::vector<Receiver> sample_receivers(const Scene& scene, const Accelerator& ac
     }
     receivers = sorted_along_morton_curve(receivers);
     if (static_cast<double>(receivers.size()) > 1.25 * count) thin_out(receivers, sampling.count, limit);
+    widen_to_neighbours(receivers, limit);
     return receivers;
 }
 

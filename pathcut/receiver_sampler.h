@@ -17,7 +17,8 @@ struct Receiver {
     Vec3 shading_normal{0.0F};    ///< Unit, on the side of the geometric normal.
     float alpha = 0.0F;           ///< GGX width; below delta_alpha only the diffuse base is a receiver.
     /// Side of the square of surface that the point stands for, metres: from the spacing of the camera rays, the
-    /// distance along the path and the cosine, as if mirrors were flat. Positive; at most a quarter of the scene.
+    /// distance along the path and the cosine, as if mirrors were flat; more where curved ones spread the rays, as the
+    /// distance of neighbouring points tells. Positive; at most a quarter of the scene.
     float footprint = 0.0F;
     uint32_t object = 0;  ///< Index into Scene::objects.
 };

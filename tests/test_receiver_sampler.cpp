@@ -227,6 +227,27 @@ TEST_CASE("a glossy caster is a receiver, and shows others; a glossy surface wit
     }
 }
 
+TEST_CASE("what a curved mirror shows is served by the points found there") {
+    // As if the ball were flat, points would stand for too little: a quarter of what it shows of the wall behind the
+    // camera would be out of their reach (of cached points: four footprints).
+    Scene scene = ball_on_floor(0.01F);
+    testing::add_mesh(scene, quad({-9, -9, 7}, {18, 0, 0}, {0, 18, 0}, 0));
+    const View view(scene, testing::look_at({0, 1.5F, 6}, {0, 1, 0}));
+    const std::vector<Receiver> points = view.sample(4000);
+    ReceiverSampling others{width, height, {0, 0, width, height}, 3000, 8, 4};
+    int seen = 0, served = 0;
+    for (const Receiver& other : view.sample(others)) {
+        if (other.object != 2) continue;
+        ++seen;
+        served += std::any_of(points.begin(), points.end(), [&other](const Receiver& point) {
+            return point.object == other.object &&
+                   glm::length(point.position - other.position) < 4.0F * point.footprint;
+        });
+    }
+    CHECK(seen > 100);
+    CHECK(served > 0.99 * seen);
+}
+
 TEST_CASE("a diffuse base under a perfectly smooth coat is a receiver; a pure mirror is none") {
     for (const float metallic : {0.0F, 1.0F}) {
         Scene scene;
