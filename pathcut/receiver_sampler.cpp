@@ -25,10 +25,11 @@ constexpr double close_below = 0.9, close_above = 1.1;
 /// A square of surface is never seen more slanted than this cosine says: at the horizon it would be endless.
 constexpr float smallest_cosine = 0.05F;
 constexpr float largest_footprint = 0.25F;  // Of the scene's diagonal.
-/// A point stands for at least this share of the distance to the so many-th neighbour, which is less than what evenly
-/// spaced points stand for anyway.
+/// Where this share of the distance to the so many-th neighbour is so many times what a point stands for (of evenly
+/// spaced points it is less than that), there are holes, and it stands for that share.
 constexpr float spacing_share = 0.5F;
 constexpr uint32_t spacing_neighbours = 4;
+constexpr float least_widening = 2.0F;
 
 /// The crop divided into cells of nearly square shape, numbered row by row.
 struct CellGrid {
@@ -302,8 +303,8 @@ std::vector<Receiver> sorted_along_morton_curve(const std::vector<Receiver>& rec
 void widen_to_neighbours(std::vector<Receiver>& receivers, float footprint_limit) {
     const std::vector<float> spacing = receiver_spacing(receivers, spacing_neighbours);
     for (size_t i = 0; i < receivers.size(); ++i) {
-        float& footprint = receivers[i].footprint;
-        footprint = std::max(footprint, std::min(spacing_share * spacing[i], footprint_limit));
+        const float wider = std::min(spacing_share * spacing[i], footprint_limit);
+        if (wider > least_widening * receivers[i].footprint) receivers[i].footprint = wider;
     }
 }
 
