@@ -1,6 +1,5 @@
 #include "pathcut/receiver_spacing.h"
 
-#include <CGAL/Kernel_traits.h>
 #include <CGAL/Orthogonal_k_neighbor_search.h>
 #include <CGAL/Search_traits_3.h>
 #include <CGAL/Search_traits_adapter.h>
